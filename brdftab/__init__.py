@@ -1,0 +1,43 @@
+"""brdftab: BRDF models as numbers you can trust.
+
+The public names load on first use, so that ``import brdftab`` costs nothing.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from brdftab import models
+from brdftab._version import __version__
+
+if TYPE_CHECKING:
+    from brdftab.integrals import albedo
+    from brdftab.comparison import compare
+    from brdftab.evaluation import evaluate
+    from brdftab.grid import Grid
+    from brdftab.io import read, write
+    from brdftab.sampling import pdf, sample
+    from brdftab.table import Table
+    from brdftab.tabulation import tabulate
+
+_HOMES = {
+    "Grid": "brdftab.grid",
+    "Table": "brdftab.table",
+    "albedo": "brdftab.integrals",
+    "compare": "brdftab.comparison",
+    "evaluate": "brdftab.evaluation",
+    "pdf": "brdftab.sampling",
+    "read": "brdftab.io",
+    "sample": "brdftab.sampling",
+    "tabulate": "brdftab.tabulation",
+    "write": "brdftab.io",
+}
+
+__all__ = ["Grid", "Table", "__version__", "albedo", "compare", "evaluate", "models", "pdf", "read", "sample", "tabulate", "write"]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        return getattr(importlib.import_module(_HOMES[name]), name)
+    raise AttributeError(f"module 'brdftab' has no attribute {name!r}")

@@ -1,0 +1,141 @@
+"""Point values of any model of the registry."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from brdftab import models
+from brdftab.errors import ParameterError, SingularDirectionError
+from brdftab.models.setup import Setup, component_names, resolve
+
+Array = NDArray[np.float64]
+ORDERS = 8
+MIRROR = 1e-14
+TOLERANCE = 1e-9
+
+
+def check_tolerance(tolerance: float) -> float:
+    """Return a relative tolerance after checking that it lies in [1e-14, 0.5]."""
+    if not (isinstance(tolerance, int | float) and 1e-14 <= tolerance <= 0.5):
+        raise ParameterError.out_of_range("tolerance", tolerance, "[1e-14, 0.5]", "it is a relative error")
+    return float(tolerance)
+
+
+def _directions(theta_i: ArrayLike, theta_o: ArrayLike, phi: ArrayLike, phi_i: ArrayLike) -> list[Array]:
+    """Broadcast four angles, check them, and return them with their common shape."""
+    try:
+        angles = np.broadcast_arrays(*(np.asarray(x, dtype=np.float64) for x in (theta_i, theta_o, phi, phi_i)))
+    except (TypeError, ValueError) as error:
+        raise ParameterError(f"theta_i, theta_o, phi, phi_i do not broadcast as numbers: {error}") from None
+    for name, angle in zip(("theta_i", "theta_o", "phi", "phi_i"), angles, strict=True):
+        bad = ~np.isfinite(angle)
+        if name.startswith("theta"):
+            bad |= (angle < 0.0) | (angle > math.pi)
+        if bad.any():
+            shown = f"{math.degrees(angle[bad].flat[0]):g} degrees"
+            valid = "[0, 180] degrees" if name.startswith("theta") else "the finite numbers"
+            raise ParameterError.out_of_range(name, shown, valid, "directions point away from the surface")
+    return list(angles)
+
+
+def singular(setup: Setup, theta_i: Array, theta_o: Array, phi: Array, phi_i: Array) -> NDArray[np.bool_]:
+    """Tell where a singular model has no finite point value.
+
+    There the half vector is the normal and two or more bounces reach the mirror direction with a weight that is not
+    negligible: 1e-9 rad aside they still exceed 1e-12 of the value.
+    """
+    found = np.zeros(theta_i.shape, dtype=bool)
+    if not setup.model.singular or setup.max_bounces == 1:
+        return found
+    si, so = np.sin(theta_i), np.sin(theta_o)
+    half = np.cos(0.5 * phi)
+    flat = np.hypot(
+        2.0 * np.cos(0.5 * (theta_i + theta_o)) * np.sin(0.5 * (theta_i - theta_o)) + 2.0 * so * half * half,
+        so * np.sin(phi),
+    )
+    up = np.cos(theta_i) + np.cos(theta_o)
+    near = (flat <= MIRROR * up) & (np.minimum(np.cos(theta_i), np.cos(theta_o)) > 1e-15)
+    if not near.any():
+        return found
+    t, az = theta_i[near], phi_i[near]
+    aside = models.kernel(setup.model.name).points(
+        setup, t, np.where(t > 0.7, t - 1e-9, t + 1e-9), np.full_like(t, math.pi), az, orders=1, tolerance=1e-9
+    )
+    first, rest = np.abs(aside[:, 0]).max(axis=-1), np.abs(aside[:, 1:]).sum(axis=(1, 2))
+    found[near] = rest > 1e-12 * first
+    return found
+
+
+def evaluate_setup(
+    setup: Setup, theta_i: ArrayLike, theta_o: ArrayLike, phi: ArrayLike, phi_i: ArrayLike, orders: int, tolerance: float
+) -> Array:
+    """Evaluate a checked setup; returns (..., P, C), P = 1 for orders = 0. Raises as `evaluate`."""
+    angles = _directions(theta_i, theta_o, phi, phi_i)
+    shape = angles[0].shape
+    flat = [np.ascontiguousarray(a).reshape(-1) for a in angles]
+    bad = singular(setup, *flat)
+    if bad.any():
+        at = int(np.argmax(bad))
+        raise SingularDirectionError(
+            f"theta_i = {math.degrees(flat[0][at]):g}, theta_o = {math.degrees(flat[1][at]):g}, "
+            f"phi = {math.degrees(flat[2][at]):g} degrees is the mirror direction, where {setup.model.name} has no finite "
+            "value; ask for a direction aside, a cell average (tabulate) or max_bounces = 1"
+        )
+    values = models.kernel(setup.model.name).points(setup, *flat, orders=orders, tolerance=tolerance)
+    return np.asarray(values).reshape(*shape, *values.shape[1:])
+
+
+def evaluate(
+    model: str,
+    theta_i: ArrayLike,
+    theta_o: ArrayLike,
+    phi: ArrayLike,
+    *,
+    phi_i: ArrayLike = 0.0,
+    components: bool = False,
+    tolerance: float = TOLERANCE,
+    **parameters: Any,
+) -> Array | dict[str, Array]:
+    """Evaluate a BRDF at pairs of directions.
+
+    Parameters
+    ----------
+    model : str
+        Registry name, see `brdftab.models`.
+    theta_i, theta_o : array_like
+        Polar angles of light and view, radians in [0, pi/2]; at or below the horizon the BRDF is 0.
+    phi : array_like
+        phi_o - phi_i, radians; pi is the mirror side.
+    phi_i : array_like, optional
+        Azimuth of the light, radians; matters for anisotropic surfaces only (alpha_x lies along azimuth 0).
+    components : bool, optional
+        Return each component apart.
+    tolerance : float, optional
+        Relative error asked of the quadratures, in [1e-14, 0.5].
+    **parameters
+        Parameters of the model by name (ndf, alpha, material, ...); see `brdftab.models`.
+
+    Returns
+    -------
+    ndarray (..., C) or dict of str to ndarray (..., C)
+        BRDF in 1/sr without cosine, a channel each; with `components` one array a component (bounce models: order1 to
+        order8 and higher).
+
+    Raises
+    ------
+    ParameterError
+        If the model or a parameter is unknown or out of range, or the angles do not broadcast.
+    SingularDirectionError
+        If a direction is the mirror direction of a model whose density is infinite there.
+    """
+    setup = resolve(model, **parameters)
+    values = evaluate_setup(
+        setup, theta_i, theta_o, phi, phi_i, ORDERS if components else 0, check_tolerance(tolerance)
+    )
+    if not components:
+        return values[..., 0, :]
+    return {name: values[..., n, :] for n, name in enumerate(component_names(setup, ORDERS))}

@@ -1,0 +1,135 @@
+"""Reading and writing tables: the format is told by content on reading, by the ending on writing."""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from brdftab.errors import BrdftabError, FileFormatError
+from brdftab.io.atomic import atomic, check_target, show
+
+if TYPE_CHECKING:
+    from brdftab.table import Table
+
+ENDINGS = (".exr", ".npz")
+
+_EXR, _ZIP = b"\x76\x2f\x31\x01", b"PK\x03\x04"
+# what people hand over by mistake, so that the message can say what it is
+_FOREIGN = {
+    b"\x89PNG": "a PNG image",
+    b"\xff\xd8\xff": "a JPEG image",
+    b"\x93NUMPY": "a single numpy array (.npy)",
+    b"\x89HDF": "an HDF5 file",
+    b"tensor_file\0": "an RGL tensor file",
+    b"#?RADIANCE": "a Radiance HDR image",
+    b"PK\x05\x06": "an empty zip archive",
+    b"\x1f\x8b": "a gzip file",
+}
+_REMEDY = "give a file that brdftab tabulate wrote, or write it again"
+
+__all__ = ["ENDINGS", "check_output", "read", "write"]
+
+
+def read(path: str | os.PathLike[str]) -> Table:
+    """Read a table from an EXR or NPZ file that brdftab wrote.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file; its content decides on the format, not its ending.
+
+    Returns
+    -------
+    Table
+        Bit for bit what was written.
+
+    Raises
+    ------
+    FileFormatError
+        Where the file is truncated, foreign, or its content contradicts itself. Declared sizes are held against the
+        file's size before any memory is taken for them.
+    BrdftabError
+        Where the file cannot be opened.
+    """
+    path = Path(path)
+    reader = _reader(path)
+    try:
+        return reader(path)
+    except FileFormatError as error:
+        raise FileFormatError(f"{show(path)}: {error}; {_REMEDY}") from error
+    except MemoryError as error:
+        raise BrdftabError(f"{show(path)}: the table does not fit into memory; use a machine with more") from error
+    except OSError as error:
+        raise BrdftabError(f"{show(path)}: cannot be read ({error.strerror or error}); check the file") from error
+
+
+def write(table: Table, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+    """Write a table as EXR or NPZ; the file appears whole or not at all.
+
+    Parameters
+    ----------
+    table : Table
+    path : str or path-like
+        Ends in ``.exr`` or ``.npz``.
+    overwrite : bool
+        Whether an existing file may be replaced.
+
+    Raises
+    ------
+    OutputExistsError
+        Where the file exists and `overwrite` is False.
+    BrdftabError
+        For an unknown ending, a missing folder, or one that cannot be written to.
+    """
+    path = Path(path)
+    check_output(path, overwrite=overwrite)
+    with atomic(path, overwrite=overwrite) as temporary:
+        if path.suffix.lower() == ".exr":
+            from brdftab.io import exr
+
+            exr.write(table, temporary)
+        else:
+            from brdftab.io import npz
+
+            npz.write(table, temporary)
+
+
+def check_output(path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+    """Refuse early, before any work, what `write` would refuse at the end.
+
+    Raises
+    ------
+    OutputExistsError, BrdftabError
+        As `write`.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in ENDINGS:
+        raise BrdftabError(f"out = {show(path)} has no known ending; end it in .exr or .npz")
+    check_target(path, overwrite=overwrite)
+
+
+def _reader(path: Path) -> Callable[[Path], Table]:
+    """Pick the reader by the file's first bytes."""
+    try:
+        if not stat.S_ISREG(os.stat(path).st_mode):
+            raise BrdftabError(f"{show(path)}: is not a regular file; {_REMEDY}")
+        with open(path, "rb") as file:
+            magic = file.read(16)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise BrdftabError(f"{show(path)}: cannot be opened ({reason}); check the path") from error
+    if not magic:
+        raise FileFormatError(f"{show(path)}: the file is empty; {_REMEDY}")
+    if magic.startswith(_EXR):
+        from brdftab.io import exr
+
+        return exr.read
+    if magic.startswith(_ZIP):
+        from brdftab.io import npz
+
+        return npz.read
+    known = next((name for start, name in _FOREIGN.items() if magic.startswith(start)), "neither EXR nor NPZ")
+    raise FileFormatError(f"{show(path)}: not a brdftab table, it is {known}; {_REMEDY}")

@@ -1,0 +1,1 @@
+"""Complex refractive indices by name, their projection to linear sRGB, and the Fresnel term that models take."""

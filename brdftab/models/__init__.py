@@ -1,0 +1,141 @@
+"""The registry: what a model declares about itself, found by walking this folder."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+import sys
+from dataclasses import dataclass, field
+from types import ModuleType
+from typing import Any
+
+from brdftab.errors import ParameterError
+
+PIECES = "microfacet"
+
+
+@dataclass(frozen=True)
+class Param:
+    """One parameter of a model, declared once and used by the API, the command line and the docs.
+
+    Attributes
+    ----------
+    name : str
+        Name in the API; the option is ``--name`` with dashes.
+    unit : str
+        ``""`` for pure numbers, ``"rad"`` for angles (degrees on the command line).
+    default : object
+        Value taken when the user gives none; ``None`` means not set.
+    bounds : tuple of float or None
+        Inclusive lower and upper bound of every entry.
+    doc : str
+        One line for ``--help`` and ``brdftab models``.
+    kind : {"float", "channels", "choice", "int"}
+        ``channels`` takes one value or one a channel; ``choice`` takes one of `choices`.
+    choices : tuple of str
+        Allowed words of a ``choice``.
+    """
+
+    name: str
+    unit: str
+    default: Any
+    bounds: tuple[float, float] | None
+    doc: str
+    kind: str = "float"
+    choices: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Model:
+    """What a model says of itself.
+
+    Attributes
+    ----------
+    name, title, summary : str
+        Registry name, full name, one line.
+    params : tuple of Param
+        Its parameters.
+    components : tuple of str
+        Named components; ``("order",)`` means one a bounce order.
+    singular : bool
+        True where the density is infinite at the mirror direction, so that a cell there holds an average.
+    multibounce : bool
+        True where ``max_bounces`` applies.
+    citation, doi : str
+        The paper.
+    variant, errata : str
+        Which formula was chosen and which misprints were mended, and why.
+    ndfs : tuple of str
+        Normal distributions that the model takes; empty for models without facets.
+    """
+
+    name: str
+    title: str
+    summary: str
+    params: tuple[Param, ...]
+    components: tuple[str, ...]
+    citation: str
+    doi: str
+    variant: str
+    errata: str = ""
+    singular: bool = False
+    multibounce: bool = False
+    ndfs: tuple[str, ...] = field(default=())
+
+    def param(self, name: str) -> Param:
+        """Return the declaration of one parameter, or raise `ParameterError`."""
+        for p in self.params:
+            if p.name == name:
+                return p
+        known = ", ".join(p.name for p in self.params)
+        raise ParameterError(f"{name} is not a parameter of {self.name}; it takes {known}")
+
+
+def _folders() -> dict[str, str]:
+    """Map registry names (with dashes) to the folders that hold them."""
+    found = (m.name for m in pkgutil.iter_modules(__path__) if m.ispkg and m.name != PIECES)
+    return {name.replace("_", "-"): name for name in sorted(found)}
+
+
+def names() -> list[str]:
+    """Return the names of all models, sorted; imports none of them."""
+    return list(_folders())
+
+
+def _module(name: str, part: str) -> ModuleType:
+    folders = _folders()
+    if name not in folders:
+        raise ParameterError(f"model = {name} is not known; choose one of {', '.join(folders)}")
+    return importlib.import_module(f"{__name__}.{folders[name]}{part}")
+
+
+def spec(name: str) -> Model:
+    """Return the declaration of one model without loading its kernel.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such model.
+    """
+    return _module(name, "").SPEC
+
+
+def kernel(name: str) -> ModuleType:
+    """Import and return a model's Numba kernel module (it compiles on first use)."""
+    return _module(name, ".kernel")
+
+
+def sampler(name: str) -> ModuleType:
+    """Import and return a model's sampling module: ``sample`` and ``pdf``."""
+    return _module(name, ".sample")
+
+
+class _Registry(ModuleType):
+    """The registry module itself can be called: ``brdftab.models()`` lists every model."""
+
+    def __call__(self) -> list[Model]:
+        """Return the declarations of all models, sorted by name."""
+        return [spec(name) for name in names()]
+
+
+sys.modules[__name__].__class__ = _Registry

@@ -1,0 +1,29 @@
+"""Parameters that every microfacet model shares: the normal distribution and the Fresnel reflectance."""
+
+from __future__ import annotations
+
+from brdftab.models import Param
+
+NDFS = ("beckmann", "ggx", "phong")
+
+NDF_PARAMS = (
+    Param("ndf", "", "beckmann", None, "normal distribution function", "choice", NDFS),
+    Param("alpha", "", 0.5, (1e-4, 10.0), "roughness; Phong's exponent is 2/alpha^2 - 2"),
+    Param("alpha_x", "", None, (1e-4, 10.0), "roughness along azimuth 0 (Beckmann and GGX), with alpha_y"),
+    Param("alpha_y", "", None, (1e-4, 10.0), "roughness along azimuth 90 degrees, with alpha_x"),
+    Param("exponent", "", None, (-1.98, 2e8), "Phong exponent, instead of alpha"),
+)
+
+FRESNEL_PARAMS = (
+    Param(
+        "material", "", "Au", None, "mirror (F = 1) or a metal by name; several wavelengths projected to linear sRGB", "choice"
+    ),
+    Param("eta", "", None, (1e-6, 1e4), "own refractive index, with k: one value, three (R, G, B) or one a wavelength", "channels"),
+    Param("k", "", None, (0.0, 1e4), "own extinction coefficient, with eta", "channels"),
+    Param("ior", "", None, (1.0, 1e4), "dielectric refractive index; one value or three", "channels"),
+    Param("f0", "", None, (0.0, 1.0), "Schlick's reflectance at normal incidence; one value or three", "channels"),
+    Param("wavelengths", "nm", None, (200.0, 2500.0), "write these wavelengths as channels instead of RGB", "channels"),
+    Param("spectral_samples", "", None, (1, 40), "wavelengths behind RGB (default: chosen for the metal)", "int"),
+)
+
+MAX_BOUNCES = Param("max_bounces", "", None, (1, 1_000_000), "leave out higher bounce orders; the energy lost is reported", "int")

@@ -1,0 +1,23 @@
+"""Smith single bounce: the shared single-bounce kernel with Smith masking."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from brdftab.models.microfacet.masking import MASKINGS
+from brdftab.models.microfacet.single import evaluate_points
+from brdftab.models.setup import Setup
+
+
+def points(
+    setup: Setup,
+    theta_i: np.ndarray,
+    theta_o: np.ndarray,
+    phi: np.ndarray,
+    phi_i: np.ndarray,
+    *,
+    orders: int,
+    tolerance: float,
+) -> np.ndarray:
+    """Evaluate at N pairs of directions (radians); returns (N, 1, C) in 1/sr, exact for any `tolerance`."""
+    return evaluate_points(setup, MASKINGS[setup.values["masking"]], theta_i, theta_o, phi, phi_i)

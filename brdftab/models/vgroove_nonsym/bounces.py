@@ -1,0 +1,213 @@
+"""Orders two and above of the nonsymmetric V-groove BRDF by panel quadrature (Lee 2018, Eqs. 22-23 corrected).
+
+All orders and both sides for in-plane angles M >= |m|; d = (M - m)/2, th = (M + m)/2. What is summed is
+int P(r) D(l) sin^2(l) w prod F/J dr, so that f = L/(4 (i.h) i_z o_z sin(theta_h)) times the sum.
+"""
+
+from __future__ import annotations
+
+import math
+
+from brdftab.jit import kernel
+from brdftab.models.microfacet.fresnel import multiply, multiply_long_chain
+from brdftab.models.microfacet.groove2d import beam_even, beam_odd
+from brdftab.models.microfacet.ndf import density, opposite_norm
+from brdftab.models.vgroove_nonsym.panels import left_tilt, panel_edges
+
+PI = math.pi
+HALF_PI = 0.5 * math.pi
+MERGE_FROM = 4.0
+
+
+@kernel
+def order_end(family, big_m, small_m):
+    """Return the order from which on a family (0 even A, 1 odd A, 2 even B, 3 odd B) is empty."""
+    d = 0.5 * (big_m - small_m)
+    th = 0.5 * (big_m + small_m)
+    behind = max(-small_m, 0.0)
+    if family == 0:
+        return (PI + 2.0 * d) / (big_m + behind + 1e-300)
+    if family == 2:
+        return (PI - 2.0 * d) / (th + 1e-300)
+    if family == 1:
+        return 1.0 + (PI - 2.0 * d) / (big_m + 1e-300)
+    return 1.0 + (PI - 2.0 * behind - 2.0 * th) / (max(behind, d) + 1e-300)
+
+
+@kernel
+def _facets(ndf, shape, sl, cl, sr, cr, shift):
+    """Return D(l) D(r), for Beckmann times exp(shift) so that its deep tails survive in a logarithm."""
+    if ndf == 0:
+        ia2 = 1.0 / (shape * shape)
+        c = cl * cr
+        tl, tr = sl / cl, sr / cr
+        e = (tl * tl + tr * tr) * ia2 - shift
+        if e > 700.0:
+            return 0.0
+        c2 = c * c
+        scale = ia2 / (PI * c2)
+        return math.exp(-e) * scale * scale
+    return density(ndf, shape, cl, sl) * density(ndf, shape, cr, sr)
+
+
+@kernel
+def _wall(ndf, shape, is_first, is_last, start, end, l0, slope):
+    """Tell whether a panel of a broad Phong lobe ends where the right (1) or left (2) facet is vertical, else 0."""
+    if ndf != 2 or shape > 4.0:
+        return 0
+    if is_last and end >= HALF_PI - 1e-12:
+        return 1
+    if is_first and l0 - slope * start >= HALF_PI - 1e-12:
+        return 2
+    return 0
+
+
+@kernel
+def _node(x, wall, shape, start, width, l0, slope):
+    """Return r, l, their sines and cosines and dr/(width dx) at x in (0, 1) of a panel.
+
+    At a vertical facet D ~ cos^n is not smooth: the distance to it goes like x^q with q (n + 1) a whole number.
+    """
+    if wall == 0:
+        r = start + width * x
+        left = l0 - slope * r
+        return r, left, math.sin(r), math.cos(r), math.sin(left), math.cos(left), 1.0
+    power = math.ceil(shape + 1.0) / (shape + 1.0)
+    part = x**power
+    jacobian = power * part / x
+    if wall == 1:
+        gap = width * part
+        r = HALF_PI - gap
+        left = l0 - slope * r
+        return r, left, math.cos(gap), math.sin(gap), math.sin(left), math.cos(left), jacobian
+    gap = slope * width * part
+    r = start + width * part
+    return r, HALF_PI - gap, math.sin(r), math.cos(r), math.cos(gap), math.sin(gap), jacobian
+
+
+@kernel
+def _add_node(fresnel, lengths, r, t, k, exact, l0, slope, value, sines, row, acc):
+    """Add value * prod F at one tilt r to acc (lengths, W), for every projected length L."""
+    kind, a, b, table = fresnel
+    if kind == 0:
+        acc[0, 0] += value
+        return
+    left = l0 - slope * r
+    step = PI - left - r
+    first = HALF_PI - left - t
+    count = int(k + 0.5)
+    product = row[0]
+    if exact:
+        s, c = math.sin(first), math.cos(first)
+        ss, cs = math.sin(step), math.cos(step)
+        for j in range(count):
+            sines[j] = s
+            s, c = s * cs + c * ss, c * cs - s * ss
+    for q in range(lengths.size):
+        for w in range(product.size):
+            product[w] = value
+        if exact:
+            for j in range(count):
+                multiply(kind, a, b, table, lengths[q] * sines[j], product)
+        else:
+            low = first - 0.5 * step
+            multiply_long_chain(kind, a, b, table, lengths[q], low, low + k * step, k, product, row[1])
+        for w in range(product.size):
+            acc[q, w] += product[w]
+
+
+@kernel
+def add_order(t, u, k, odd, exact, weight, ndf, shape, shift, rule, fresnel, lengths, work, acc):
+    """Add weight times one order on one side to acc (lengths, W); return the same with F = 1.
+
+    Parameters
+    ----------
+    t, u : float
+        Incoming and outgoing in-plane angle of the side, radians.
+    k : float
+        The order, real in the tail (then exact is False).
+    rule : tuple
+        Gauss nodes and weights (2, n), fine, merge, depth limit; merge replaces the nodes of a panel by one at their
+        centre of mass when the reflectance of a high order is applied.
+    lengths : ndarray (Q,)
+        Projected lengths L at which the reflectance is applied.
+    work : tuple of ndarray
+        Scratch: cuts, edges, sines, row.
+    """
+    gauss, fine, merge, depth_limit = rule
+    cuts, edges, sines, row = work
+    count = panel_edges(t, u, k, odd, ndf, shape, fine, depth_limit, cuts, edges)
+    if count == 0:
+        return 0.0
+    l0, slope = left_tilt(t, u, k, odd)
+    st, ct, su, cu = math.sin(t), math.cos(t), math.sin(u), math.cos(u)
+    swap = u > t
+    # J = k/2 for even, (k + 1)/2 for odd orders
+    front = weight * opposite_norm(ndf, shape) * 2.0 / (k + (1.0 if odd else 0.0))
+    merging = merge and k >= MERGE_FROM
+    total = 0.0
+    for e in range(count - 1):
+        width = edges[e + 1] - edges[e]
+        if width <= 1e-15:
+            continue
+        mass, moment = 0.0, 0.0
+        wall = _wall(ndf, shape, e == 0, e == count - 2, edges[e], edges[e + 1], l0, slope)
+        for q in range(gauss.shape[1]):
+            r, left, sr, cr, sl, cl, jacobian = _node(gauss[0, q], wall, shape, edges[e], width, l0, slope)
+            if sl <= 0.0 or cl <= 0.0 or cr <= 0.0:
+                continue
+            if not odd:
+                beam = beam_even(sl, cl, sr, cr, st, ct, su, cu)
+            elif swap:
+                beam = beam_odd(sl, cl, sr, cr, su, cu, st, ct)
+            else:
+                beam = beam_odd(sl, cl, sr, cr, st, ct, su, cu)
+            if beam <= 0.0:
+                continue
+            value = front * width * jacobian * gauss[1, q] * _facets(ndf, shape, sl, cl, sr, cr, shift) * sl * sr * beam
+            if value <= 0.0:
+                continue
+            mass += value
+            moment += value * r
+            if not merging:
+                _add_node(fresnel, lengths, r, t, k, exact, l0, slope, value, sines, row, acc)
+        if merging and mass > 0.0:
+            _add_node(fresnel, lengths, moment / mass, t, k, exact, l0, slope, mass, sines, row, acc)
+        total += mass
+    return total
+
+
+@kernel
+def add_bounces(big_m, small_m, ndf, shape, shift, k_explicit, k_cap, tail, rule, fresnel, lengths, work, acc):
+    """Add every order k >= 2 up to the cap to acc (P, Q, W) and return their sum for F = 1.
+
+    Orders up to k_explicit are summed one by one; beyond, half the integral over k by `tail` (2, n) nodes in 1/k.
+    Order k goes to layer min(k, P) - 1. Parameters as in `add_order`.
+    """
+    layers = acc.shape[0]
+    total = 0.0
+    for family in range(4):
+        odd = (family & 1) == 1
+        sign = 1.0 if family < 2 else -1.0
+        t, u = sign * big_m, sign * small_m
+        end = order_end(family, big_m, small_m)
+        k = 3 if odd else 2
+        while k < end and k <= k_explicit and k <= k_cap:
+            part = add_order(
+                t, u, float(k), odd, True, 1.0, ndf, shape, shift, rule, fresnel, lengths, work, acc[min(k, layers) - 1]
+            )
+            total += part
+            k += 2
+            if part == 0.0 and ndf == 0 and k > 8:
+                break
+        if k <= k_explicit or k >= end or k > k_cap:
+            continue
+        x0 = 1.0 / min(end, k_cap + 1.0 - (k_cap - k) % 2)
+        x1 = 1.0 / (k - 1.0)
+        for q in range(tail.shape[1]):
+            x = x0 + (x1 - x0) * tail[0, q]
+            weight = 0.5 * (x1 - x0) * tail[1, q] / (x * x)
+            total += add_order(
+                t, u, 1.0 / x, odd, False, weight, ndf, shape, shift, rule, fresnel, lengths, work, acc[layers - 1]
+            )
+    return total

@@ -1,0 +1,141 @@
+"""Nonsymmetric V-grooves: closed first order, all further orders by quadrature, at listed pairs of directions."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numba
+import numpy as np
+
+from brdftab.jit import kernel, parallel_kernel
+from brdftab.models.microfacet.frame import groove_plane, pair
+from brdftab.models.microfacet.fresnel import multiply
+from brdftab.models.microfacet.ndf import density, shape_at
+from brdftab.models.microfacet.project import arguments, project, unit_gauss
+from brdftab.models.setup import Setup, component_names
+from brdftab.models.vgroove_nonsym.bounces import add_bounces
+from brdftab.models.vgroove_nonsym.first_order import mean_masking
+from brdftab.models.vgroove_nonsym.panels import CUTS
+
+HORIZON = 1e-15
+NO_CAP = 2_000_000_000
+MIRROR = 1e-14
+# orders whose peak lies this many e-folds below the first order's cannot change a float64 sum
+DEPTH = 45.0
+SINES = 80
+
+
+@kernel
+def first_order(ndf, shape, amp, plane, ci, co, gauss):
+    """Return D Gbar/(4 i_z o_z) and the in-plane angles and their sines and cosines, larger first."""
+    sin_h, cos_h, i_h, big_l, st, ct, su, cu = plane
+    t, u = math.atan2(st, ct), math.atan2(su, cu)
+    if u > t:
+        t, u, st, ct = u, t, su, cu
+    g = mean_masking(ndf, shape, sin_h, i_h / big_l, st, ct, gauss)
+    return amp * density(ndf, shape, cos_h, sin_h) * g / (4.0 * ci * co), t, u
+
+
+@kernel
+def evaluate(theta_i, theta_o, phi, phi_i, ndf, alpha_x, alpha_y, fresnel, sums, work, acc):
+    """Fill acc (P, 1, W) with the BRDF (1/sr) by order and wavelength at one pair of directions."""
+    acc[:] = 0.0
+    si, ci, so, co, hx, hy, ox = pair(theta_i, theta_o, phi)
+    if min(ci, co) <= HORIZON:
+        return
+    plane = groove_plane(si, ci, so, co, hx, hy, ox)
+    sin_h, cos_h, i_h, big_l = plane[0], plane[1], plane[2], plane[3]
+    flat = math.hypot(hx, hy)
+    cos_a, sin_a = 1.0, 0.0
+    if alpha_x != alpha_y and flat > 0.0:
+        cp, sp = math.cos(phi_i), math.sin(phi_i)
+        cos_a, sin_a = (hx * cp - hy * sp) / flat, (hx * sp + hy * cp) / flat
+    shape, amp = shape_at(ndf, alpha_x, alpha_y, cos_a, sin_a)
+    k_explicit, k_cap, tail, gauss, fine, masking_gauss = sums
+    value, big_m, small_m = first_order(ndf, shape, amp, plane, ci, co, masking_gauss)
+    kind, a, b, table = fresnel
+    lengths = np.empty(1)
+    lengths[0] = big_l
+    if k_cap >= 2 and sin_h >= MIRROR:
+        depth = DEPTH
+        if ndf == 0:
+            tangent = sin_h / (cos_h * shape)
+            depth += tangent * tangent
+        elif ndf == 2:
+            depth -= shape * math.log(cos_h)
+        rule = (gauss, fine, False, depth)
+        add_bounces(big_m, small_m, ndf, shape, 0.0, k_explicit, k_cap, tail, rule, fresnel, lengths, work, acc)
+        front = amp * big_l / (4.0 * i_h * ci * co * sin_h)
+        for p in range(acc.shape[0]):
+            for w in range(acc.shape[2]):
+                acc[p, 0, w] *= front
+    first = work[3][0]
+    for w in range(first.size):
+        first[w] = value
+    multiply(kind, a, b, table, i_h, first)
+    for w in range(first.size):
+        acc[0, 0, w] += first[w]
+
+
+@parallel_kernel
+def _points(theta_i, theta_o, phi, phi_i, ndf, alpha_x, alpha_y, fresnel, weights, sums, out):
+    for n in numba.prange(theta_i.size):
+        size = weights.shape[0]
+        acc = np.empty((out.shape[1], 1, size))
+        work = (np.empty(CUTS), np.empty(CUTS), np.empty(SINES), np.empty((2, size)))
+        evaluate(theta_i[n], theta_o[n], phi[n], phi_i[n], ndf, alpha_x, alpha_y, fresnel, sums, work, acc)
+        project(acc[:, 0, :], weights, out[n])
+
+
+def rule(tolerance: float) -> tuple[int, int, int, bool]:
+    """Return explicit orders, tail nodes, nodes a panel, fine scale cuts, for a relative tolerance."""
+    if tolerance >= 1e-4:
+        return 16, 3, 5, False
+    if tolerance >= 1e-6:
+        return 32, 6, 8, True
+    return 64, 10, 14, True
+
+
+def arrays(setup: Setup, tolerance: float) -> tuple[Any, ...]:
+    """Return the kernel arguments that follow from the setup and the tolerance alone."""
+    assert setup.fresnel is not None
+    k_explicit, tail, nodes, fine = rule(tolerance)
+    k_cap = NO_CAP if setup.max_bounces is None else setup.max_bounces
+    sums = (k_explicit, k_cap, unit_gauss(tail), unit_gauss(nodes), fine, unit_gauss(20))
+    weights = np.ascontiguousarray(setup.fresnel.weights)
+    return setup.ndf, setup.alpha_x, setup.alpha_y, arguments(setup.fresnel, tolerance), weights, sums
+
+
+def points(
+    setup: Setup,
+    theta_i: np.ndarray,
+    theta_o: np.ndarray,
+    phi: np.ndarray,
+    phi_i: np.ndarray,
+    *,
+    orders: int,
+    tolerance: float,
+) -> np.ndarray:
+    """Evaluate at N pairs of directions by direct quadrature.
+
+    Parameters
+    ----------
+    setup : Setup
+        From `brdftab.models.setup.resolve`.
+    theta_i, theta_o, phi, phi_i : ndarray (N,)
+        Radians.
+    orders : int
+        0 for the total, else that many bounce orders and one layer for the rest.
+    tolerance : float
+        Relative error asked; it chooses nodes a panel, explicit orders and cuts.
+
+    Returns
+    -------
+    ndarray (N, P, C)
+        BRDF in 1/sr.
+    """
+    layers = len(component_names(setup, orders)) if orders else 1
+    out = np.empty((theta_i.size, layers, len(setup.channels)))
+    _points(theta_i, theta_o, phi, phi_i, *arrays(setup, tolerance), out)
+    return out

@@ -1,0 +1,327 @@
+"""The V-grooves against a mirror tracer, a Monte Carlo of grooves, brute-force integrals and the paper's tables."""
+
+import itertools
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from numba import njit, prange
+from oracles import groove_integral, groove_mc
+from oracles.groove_tracer import beams_grid
+
+import brdftab
+from brdftab.models import names, spec
+from brdftab.models.microfacet.groove2d import width_nonsymmetric, width_symmetric
+from brdftab.models.microfacet.ndf import CODES, density, shape_at
+
+DEGREE = math.pi / 180.0
+GROOVES = ("vgroove-sym", "vgroove-nonsym")
+REFERENCE = json.loads((Path(__file__).parent / "reference" / "vgroove.json").read_text())["points"]
+
+
+# ---------------------------------------------------------------- one groove in its plane (Table 1)
+
+
+@njit(parallel=True)
+def _closed_symmetric(theta_i, tilt, limit):
+    """Return closed-form widths and angles (N, 2, limit) of symmetric grooves; the right facet by mirroring."""
+    widths = np.zeros((theta_i.size, 2, limit))
+    angles = np.zeros((theta_i.size, 2, limit))
+    for n in prange(theta_i.size):
+        for k in range(1, limit):
+            widths[n, 0, k], angles[n, 0, k] = width_symmetric(theta_i[n], tilt[n], k)
+            w, out = width_symmetric(-theta_i[n], tilt[n], k)
+            widths[n, 1, k], angles[n, 1, k] = w, -out
+    return widths, angles
+
+
+@njit(parallel=True)
+def _closed_nonsymmetric(theta_i, left, right, limit):
+    widths = np.zeros((theta_i.size, 2, limit))
+    angles = np.zeros((theta_i.size, 2, limit))
+    for n in prange(theta_i.size):
+        for k in range(1, limit):
+            widths[n, 0, k], angles[n, 0, k] = width_nonsymmetric(theta_i[n], left[n], right[n], k)
+            w, out = width_nonsymmetric(-theta_i[n], right[n], left[n], k)
+            widths[n, 1, k], angles[n, 1, k] = w, -out
+    return widths, angles
+
+
+def _errors(closed, traced):
+    """L1 error over facets and orders as a fraction of the opening, and the largest error of an outgoing angle."""
+    widths, angles, seen = traced
+    l1 = np.abs(closed[0] - widths[:, :, : closed[0].shape[2]]).sum((1, 2)) / seen
+    real = widths / seen[:, None, None] > 1e-9
+    assert not real[:, :, closed[0].shape[2] :].any(), "the tracer found more bounces than were compared"
+    turn = (closed[1] - angles[:, :, : closed[1].shape[2]])[real[:, :, : closed[1].shape[2]]]
+    return l1, np.abs((turn + np.pi) % (2.0 * np.pi) - np.pi).max()
+
+
+def test_symmetric_groove_matches_tracer_on_table_1_grid():
+    theta_i, aperture = np.meshgrid(np.arange(-89, 90) * DEGREE, np.arange(1, 181, 5) * DEGREE, indexing="ij")
+    theta_i, tilt = theta_i.ravel(), 0.5 * (math.pi - aperture.ravel())
+    assert theta_i.size == 6444
+    l1, turn = _errors(_closed_symmetric(theta_i, tilt, 190), beams_grid(theta_i, tilt, tilt, 200))
+    # measured 3e-12, from 180 bounces in the aperture of one degree
+    assert l1.max() <= 1e-10
+    assert turn <= 1e-11
+
+
+def test_nonsymmetric_groove_matches_tracer_on_table_1_grid():
+    tilts = np.arange(5, 91, 5) * DEGREE
+    theta_i, left, right = np.meshgrid(np.arange(-89, 90) * DEGREE, tilts, tilts, indexing="ij")
+    theta_i, left, right = theta_i.ravel(), left.ravel(), right.ravel()
+    assert theta_i.size == 179 * 324
+    open_ = left + right < math.pi - 1e-9  # two parallel walls (90, 90) let no light in
+    theta_i, left, right = theta_i[open_], left[open_], right[open_]
+    l1, turn = _errors(_closed_nonsymmetric(theta_i, left, right, 44), beams_grid(theta_i, left, right, 48))
+    assert l1.max() <= 1e-10
+    assert turn <= 1e-11
+
+
+def test_tracer_accounts_for_all_light_and_is_reciprocal():
+    rng = np.random.default_rng(5)
+    theta_i = rng.uniform(-1.5, 1.5, 400)
+    left, right = rng.uniform(0.05, 1.55, (2, 400))
+    widths, angles, seen = beams_grid(theta_i, left, right, 200)
+    assert np.abs(widths.sum((1, 2)) / seen - 1.0).max() < 1e-13
+    n, facet, k = np.nonzero(widths > 1e-6)
+    back, _, _ = beams_grid(angles[n, facet, k], left[n], right[n], 200)
+    # backwards the beam meets the facets in reverse order
+    last = np.where(k % 2 == 1, facet, 1 - facet)
+    assert np.allclose(back[np.arange(n.size), last, k], widths[n, facet, k], rtol=1e-9, atol=1e-11)
+    for m in np.flatnonzero(facet == 0)[:200]:
+        angle, _ = groove_integral.follow(theta_i[n[m]], left[n[m]], right[n[m]], k[m], 1.0, -1.0, 0.0)
+        turn = angle - angles[n[m], 0, k[m]]
+        assert abs(math.remainder(turn, 2.0 * math.pi)) < 1e-12
+
+
+# ---------------------------------------------------------------- how many bounces a distribution needs (Table 2)
+
+
+@njit
+def _density_at(code, shape, tilt):
+    out = np.empty_like(tilt)
+    for n in range(tilt.size):
+        out[n] = density(code, shape, math.cos(tilt[n]), math.sin(tilt[n]))
+    return out
+
+
+TABLE_2 = {
+    ("beckmann", 0.5): (2, 2, 3), ("beckmann", 0.7): (3, 3, 3), ("beckmann", 1.0): (3, 3, 4),
+    ("phong", 0.5): (2, 3, 3), ("phong", 0.7): (3, 4, 5), ("phong", 1.0): (5, 7, 16),
+    ("ggx", 0.5): (3, 4, 8), ("ggx", 0.7): (4, 5, 12), ("ggx", 1.0): (5, 7, 16),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("ndf", "alpha"), TABLE_2)
+def test_table_2_bounces_at_percentiles(ndf, alpha):
+    shape, _ = shape_at(CODES[ndf], alpha, alpha, 1.0, 0.0)
+    tilt = np.linspace(0.0, 0.5 * math.pi, 200_001)[:-1]
+    weight = _density_at(CODES[ndf], shape, tilt) * np.cos(tilt) * np.sin(tilt)
+    cdf = np.concatenate(([0.0], np.cumsum(0.5 * (weight[1:] + weight[:-1]))))
+    # the trapezoidal sum must also show that D is normalised
+    assert 2.0 * math.pi * cdf[-1] * (tilt[1] - tilt[0]) == pytest.approx(1.0, abs=1e-6)
+    at = np.interp(np.array([0.90, 0.95, 0.99]) * cdf[-1], cdf, tilt)
+    assert tuple(np.ceil(math.pi / (math.pi - 2.0 * at)).astype(int)) == TABLE_2[ndf, alpha]
+
+
+# ---------------------------------------------------------------- points in space
+
+
+def _roughness(point):
+    if point["ndf"] == "phong":
+        return {"alpha": point["alpha_x"]}
+    return {"alpha_x": point["alpha_x"], "alpha_y": point["alpha_y"]}
+
+
+def _angles(point):
+    phi_i = point["phi_i_deg"] * DEGREE
+    return (point["theta_i_deg"] * DEGREE, point["theta_o_deg"] * DEGREE, point["phi_o_deg"] * DEGREE - phi_i), phi_i
+
+
+def _name(point):
+    return f"{point['model']}-{point['ndf']}-{point['theta_i_deg']}-{point['theta_o_deg']}"
+
+
+@pytest.mark.parametrize("point", REFERENCE, ids=_name)
+def test_reference_points(point):
+    angles, phi_i = _angles(point)
+    given_ = {"ndf": point["ndf"], "material": "mirror", "tolerance": 1e-8, **_roughness(point)}
+    total = brdftab.evaluate(point["model"], *angles, phi_i=phi_i, **given_)
+    parts = brdftab.evaluate(point["model"], *angles, phi_i=phi_i, components=True, **given_)
+    assert np.allclose(total, point["total"], rtol=1e-7, atol=1e-12)
+    for k, expected in enumerate(point["orders"], start=1):
+        value = parts[f"order{k}"] if f"order{k}" in parts else np.zeros(1)
+        assert np.allclose(value, expected, rtol=1e-7, atol=1e-12), f"order {k}"
+    assert np.allclose(sum(parts.values()), total, rtol=1e-9, atol=1e-14)
+
+
+# gold at 450, 550 and 650 nm (rounded): absorbing, the Brewster-like dip, and nearly perfect
+METALS = ((1.50, 1.88), (0.43, 2.46), (0.15, 3.50))
+# directions in and off the plane of incidence, near the mirror direction, towards grazing
+DIRECTIONS = ((30, 20, 40, 0), (40, 40, 175, 25), (70, 60, 180, 0), (80, 35, 120, 60), (5, 65, 90, 10))
+
+
+@pytest.mark.parametrize(("theta_i", "theta_o", "phi", "phi_i"), DIRECTIONS)
+@pytest.mark.parametrize(
+    ("ndf", "alpha"), [("ggx", (0.5, 0.5)), ("ggx", (1.0, 0.4)), ("beckmann", (0.7, 0.7)), ("phong", (0.8, 0.8))]
+)
+@pytest.mark.parametrize("model", GROOVES)
+def test_orders_with_metal_match_traced_integral(model, ndf, alpha, theta_i, theta_o, phi, phi_i):
+    angles = (theta_i * DEGREE, theta_o * DEGREE, phi * DEGREE)
+    rough = {"alpha": alpha[0]} if ndf == "phong" else {"alpha_x": alpha[0], "alpha_y": alpha[1]}
+    n_orders = 6
+    for eta, kappa in METALS:
+        parts = brdftab.evaluate(
+            model, *angles, phi_i=phi_i * DEGREE, components=True, ndf=ndf, eta=eta, k=kappa, tolerance=1e-8, **rough
+        )
+        for k in range(1, n_orders + 1):
+            expected, doubt = groove_integral.order(
+                k, *angles, symmetric=model == "vgroove-sym", ndf=ndf, alpha_x=alpha[0], alpha_y=alpha[1],
+                phi_i=phi_i * DEGREE, eta=eta, kappa=kappa,
+            )  # fmt: skip
+            value = parts[f"order{k}"] if f"order{k}" in parts else np.zeros(1)
+            assert np.allclose(value, expected, rtol=1e-7, atol=1e-12 + 10.0 * doubt), f"order {k}, eta = {eta}"
+
+
+@pytest.mark.parametrize("model", GROOVES)
+@pytest.mark.parametrize(("ndf", "alpha"), [("beckmann", 0.5), ("ggx", 0.7), ("ggx", 1.0)])
+@pytest.mark.parametrize("theta_i", [30, 70])
+def test_half_vector_bins_match_monte_carlo(model, ndf, alpha, theta_i):
+    theta_i = theta_i * DEGREE
+    bins = groove_mc.sample(theta_i, symmetric=model == "vgroove-sym", ndf=ndf, alpha=alpha, samples=500_000, seed=7)
+    theta_o, phi, weight = groove_mc.half_vector_nodes(theta_i)
+    parts = brdftab.evaluate(
+        model, theta_i, theta_o, phi, components=True, ndf=ndf, alpha=alpha, material="mirror", tolerance=1e-4
+    )
+    zero = np.zeros(theta_o.shape)
+    orders = [parts.get(f"order{k}", zero[..., None])[..., 0] for k in range(1, 4)]
+    orders.append(sum((v[..., 0] for name, v in parts.items() if name not in {"order1", "order2", "order3"}), zero))
+    expected = np.stack([(np.where(weight > 0.0, f, 0.0) * weight).sum((2, 3)) for f in orders])
+    z = groove_mc.z_scores(bins, expected)
+    assert z.size >= 15
+    assert math.sqrt(np.mean(z**2)) <= 1.3
+    # nothing may hide in the bins that are too thin for a score
+    assert abs(expected.sum() - bins.albedo) <= 4.0 * bins.albedo_error + 2e-3
+
+
+def test_monte_carlo_needs_no_special_variates():
+    cdf = groove_mc.tilt_table(lambda r: 1.0 / (np.cos(r) ** 2 + np.sin(r) ** 2 / 0.25) ** 2)
+    a = groove_mc.sample(0.6, symmetric=False, ndf="ggx", alpha=0.5, samples=300_000, seed=2, table=cdf)
+    b = groove_mc.sample(0.6, symmetric=False, ndf="ggx", alpha=0.5, samples=300_000, seed=3)
+    good = (a.counted >= 200) & (b.counted >= 200)
+    z = (a.mean - b.mean)[good] / np.hypot(a.error, b.error)[good]
+    assert math.sqrt(np.mean(z**2)) <= 1.3
+    assert abs(a.albedo - 1.0) <= 4.0 * a.albedo_error
+
+
+# ---------------------------------------------------------------- symmetries and extremes
+
+
+@pytest.mark.parametrize("model", GROOVES)
+@pytest.mark.parametrize(
+    "rough",
+    [
+        {"ndf": "beckmann", "alpha": 0.3}, {"ndf": "beckmann", "alpha_x": 1.0, "alpha_y": 0.2},
+        {"ndf": "ggx", "alpha": 0.1}, {"ndf": "ggx", "alpha": 1.0}, {"ndf": "ggx", "alpha_x": 0.2, "alpha_y": 0.9},
+        {"ndf": "phong", "alpha": 0.7},
+    ],
+    ids=str,
+)  # fmt: skip
+@pytest.mark.parametrize("optics", [{"material": "mirror"}, {"eta": 0.43, "k": 2.46}], ids=["mirror", "metal"])
+def test_reciprocity(model, rough, optics):
+    rng = np.random.default_rng(11)
+    theta_i, theta_o = np.arccos(rng.uniform(0.01, 1.0, (2, 300)))
+    phi, phi_i = rng.uniform(-math.pi, math.pi, (2, 300))
+    there = brdftab.evaluate(model, theta_i, theta_o, phi, phi_i=phi_i, **rough, **optics)
+    back = brdftab.evaluate(model, theta_o, theta_i, -phi, phi_i=phi_i + phi, **rough, **optics)
+    assert (there > 0.0).any()
+    # 1e-250: far in a Gaussian tail a rounding of h changes D by more than its own digits
+    assert np.abs(there - back).max(where=there < 1e-250, initial=0.0) < 1e-250
+    assert (np.abs(there - back) <= 1e-11 * np.maximum(there, back) + 1e-250).all()
+
+
+def _pairs():
+    """Return (model, ndf or None) of the whole registry."""
+    return [(name, ndf) for name in names() for ndf in (spec(name).ndfs or (None,))]
+
+
+def _given(model, ndf, **rough):
+    if ndf is None:
+        return {}
+    return {"ndf": ndf, "material": "mirror", **rough}
+
+
+def _largest_alpha(model, ndf):
+    if ndf != "phong":
+        return 10.0
+    # the nonsymmetric groove has no Phong distribution of opposite facets from sqrt 2 on
+    return 1.4 if model == "vgroove-nonsym" else 10.0
+
+
+def _good(value):
+    return bool(np.isfinite(value).all() and (value >= 0.0).all())
+
+
+def _from_mirror(theta_i, theta_o, phi):
+    """Angle (rad) between view and mirror direction where small; the grooves refuse less than 1e-14 of half vector."""
+    theta_i, theta_o, phi = (math.radians(x) for x in (theta_i, theta_o, phi))
+    return math.hypot(theta_i - theta_o, (math.pi - phi) * math.sqrt(math.sin(theta_i) * math.sin(theta_o)))
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    pair=st.sampled_from(_pairs()),
+    log_alpha=st.floats(-4.0, 1.0),
+    theta=st.tuples(st.floats(0.0, 89.999), st.floats(0.0, 89.999)),
+    phi=st.floats(0.0, 180.0),
+)
+def test_values_are_finite_and_not_negative(pair, log_alpha, theta, phi):
+    model, ndf = pair
+    # the mirror direction itself is a true singularity and is refused; the extremes below stand 1e-9 degrees aside
+    assume(_from_mirror(*theta, phi) > 1e-13)
+    given_ = _given(model, ndf, alpha=min(10.0**log_alpha, _largest_alpha(model, ndf)))
+    value = brdftab.evaluate(model, theta[0] * DEGREE, theta[1] * DEGREE, phi * DEGREE, **given_)
+    assert _good(value), value
+
+
+ALPHAS = (1e-4, 1e-3, 0.01, 0.1, 0.5, 1.0, 3.0, 10.0)
+THETAS = (0.0, 1e-9, 1e-4, 1.0, 45.0, 45.0 + 1e-9, 80.0, 89.9, 89.999, 89.999 - 1e-9)
+PHIS = (0.0, 1e-9, 1e-4, 60.0, 90.0, 179.9, 180.0 - 1e-9, 180.0)
+
+
+def _extremes():
+    """Return 10,000 fixed cases grouped by (model, ndf, alpha_x, alpha_y): products of extremes, evenly thinned."""
+    settings_ = []
+    for model, ndf in _pairs():
+        if ndf is None:
+            settings_.append((model, ndf, 1.0, 1.0))
+            continue
+        alphas = [a for a in ALPHAS if a <= _largest_alpha(model, ndf)]
+        settings_ += [(model, ndf, a, a) for a in alphas]
+        if ndf != "phong":
+            settings_ += [(model, ndf, 1e-4, 10.0), (model, ndf, 10.0, 1e-4), (model, ndf, 0.01, 1.0)]
+    directions = [d for d in itertools.product(THETAS, THETAS, PHIS) if _from_mirror(*d) > 1e-13]
+    chosen = np.random.default_rng(0).choice(len(settings_) * len(directions), 10_000, replace=False)
+    groups: dict[tuple, list] = {}
+    for n in np.sort(chosen):
+        groups.setdefault(settings_[n // len(directions)], []).append(directions[n % len(directions)])
+    return groups
+
+
+def test_ten_thousand_extremes():
+    groups = _extremes()
+    assert sum(map(len, groups.values())) == 10_000
+    bad = []
+    for (model, ndf, ax, ay), directions in groups.items():
+        theta_i, theta_o, phi = np.array(directions).T * DEGREE
+        rough = {"alpha": ax} if ax == ay else {"alpha_x": ax, "alpha_y": ay}
+        value = brdftab.evaluate(model, theta_i, theta_o, phi, **_given(model, ndf, **rough))
+        wrong = ~(np.isfinite(value) & (value >= 0.0)).all(-1)
+        bad += [(model, ndf, ax, ay, *directions[n], value[n]) for n in np.flatnonzero(wrong)]
+    assert not bad, bad[:5]
