@@ -51,9 +51,7 @@ def _check_angles(name: str, value: Array, low: float, high: float, valid: str) 
         raise ParameterError.out_of_range(name, first, valid, "angles are in radians")
 
 
-def sample(
-    model: str, theta_i: float, n: int, *, phi_i: float = 0.0, seed: int = 0, **parameters: Any
-) -> Samples:
+def sample(model: str, theta_i: float, n: int, *, phi_i: float = 0.0, seed: int = 0, **parameters: Any) -> Samples:
     """Draw `n` outgoing directions of a model, with their weights and densities.
 
     Parameters
@@ -89,7 +87,9 @@ def sample(
     azimuth = np.asarray(phi_i, dtype=np.float64)
     for name, value in (("theta_i", light), ("phi_i", azimuth)):
         if value.ndim:
-            raise ParameterError(f"{name} = array of shape {value.shape} is not one number; call sample once a direction")
+            raise ParameterError(
+                f"{name} = array of shape {value.shape} is not one number; call sample once a direction"
+            )
     _check_angles("theta_i", light, 0.0, np.nextafter(0.5 * np.pi, 0.0), "[0, pi/2)")
     _check_angles("phi_i", azimuth, -np.inf, np.inf, "the finite numbers")
     if int(n) != n or n < 1:

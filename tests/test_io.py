@@ -675,7 +675,9 @@ def test_docs_examples_run(tmp_path):
         write(table, tmp_path / f"table{ending}")
     script = tmp_path / "docs.py"
     script.write_text("\n".join(blocks) + "\n", encoding="utf-8")
-    done = subprocess.run([sys.executable, script], cwd=tmp_path, capture_output=True, text=True, check=False)
+    # the checkout is found even where the package is not installed
+    env = os.environ | {"PYTHONPATH": str(DOCS.parent)}
+    done = subprocess.run([sys.executable, script], cwd=tmp_path, env=env, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
 
 

@@ -147,7 +147,8 @@ def test_default_rule_on_independent_products(name):
         np.where(used[..., None], fresnel.reflectance(f, cos), 1.0).prod(axis=1) @ f.weights for f in (term, full)
     ]
     gap = abs(product[0] - product[1]).max(axis=1) / product[1].max(axis=1)
-    assert gap.max() <= 1.05 * term.spectral_error
+    # a measured maximum: other random products exceeded it by up to 10 % (CuO)
+    assert gap.max() <= 1.15 * term.spectral_error
     assert full.spectral_error == 0.0
 
 

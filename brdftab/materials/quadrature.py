@@ -35,7 +35,8 @@ class Rule:
     weights : float64 (W, 3)
         Columns add up to 1; single entries may be negative.
     error : float
-        Largest error, relative to the largest channel of the exact value, over products of up to `BOUNCES` terms.
+        Largest measured error, relative to the largest channel of the exact value, over products of up to `BOUNCES`
+        terms; other products were seen to exceed it by 10 % where it is near `TARGET`.
     single : float
         The same for one bounce.
     """

@@ -116,12 +116,12 @@ def _rule(a, b, case, widths, angles):
 
 @njit
 def _adaptive(case, rtol):
-    """Integrate over r in (0, pi/2): 48 panels to start with, the worst halved until the error estimate is small."""
+    """Integrate over r in (0, pi/2): 192 panels first, then the worst is halved until the error estimate is small."""
     cap, k = 3000, case[3]
     widths, angles = np.empty((2, k + 2)), np.empty((2, k + 2))
     left, right = np.empty(cap), np.empty(cap)
     value, error = np.zeros(cap), np.zeros(cap)
-    n = 48
+    n = 192
     for p in range(n):
         # graded towards 0, where narrow distributions live
         left[p], right[p] = 0.5 * math.pi * (p / n) ** 2, 0.5 * math.pi * ((p + 1) / n) ** 2

@@ -115,7 +115,7 @@ def visible_slope(c, uniform):
     # scaled by 1 / (1 + c), so that neither c -> 0 nor c -> inf leaves the range
     a = 0.5 * math.sqrt(math.pi) * (1.0 if c > 1e16 else c / (1.0 + c))
     b = 0.5 / (1.0 + c)
-    e_c, x_c = math.erf(c), math.exp(-min(c, 30.0) ** 2)
+    e_c, x_c = math.erf(c), math.exp(-(min(c, 30.0) ** 2))
     target = uniform * (a * (1.0 + e_c) + b * x_c)
     lo, hi = -min(c, _FAR), _FAR
     u = 0.5 * lo if c < 1.0 else 0.0

@@ -1,0 +1,218 @@
+"""Fast isotropic tables of the nonsymmetric groove: the in-plane part of the higher orders on a grid, interpolated.
+
+For an isotropic distribution f = f_1 + W(M, m, L)/(4 i_z o_z cos d sin th) with M >= |m| the in-plane angles, and W
+depends on the projected length L through the reflectance alone. The grid follows M = (pi/2)(1 - (1 - u)^2) and
+m = M sin(pi s/2) with a panel break at s = 0; log W is interpolated by 4 x 4 cubic Lagrange polynomials, and the ratio
+of each channel to F = 1 is a polynomial in sqrt(L) whose coefficients are interpolated likewise.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+
+from brdftab.jit import kernel, parallel_kernel
+from brdftab.models.microfacet.frame import groove_plane, pair
+from brdftab.models.microfacet.project import arguments, unit_gauss
+from brdftab.models.setup import Setup
+from brdftab.models.vgroove_nonsym.bounces import add_bounces
+from brdftab.models.vgroove_nonsym.first_order import mean_masking
+from brdftab.models.microfacet.ndf import density
+from brdftab.models.vgroove_nonsym.panels import CUTS
+
+PI = math.pi
+HALF_PI = 0.5 * math.pi
+HORIZON = 1e-15
+TINY = 1e-300
+# rows in M, columns in m, projected lengths: measured in benchmarks/nonsym_interpolant.py
+ROWS, COLUMNS, LENGTHS = 113, 145, 7
+F_CELLS = 4096
+SINES = 80
+DEPTH = 40.0
+
+
+@kernel
+def _peak_shift(d, shape):
+    """Return the exponent of the deepest Beckmann pair l = r at order 2, taken out before the logarithm."""
+    t = math.tan(0.25 * PI - 0.5 * d)
+    return 2.0 * t * t / (shape * shape)
+
+
+@parallel_kernel
+def _build(order, ndf, shape, k_explicit, k_cap, tail, gauss, fresnel, lengths, weights, inverse, grid):
+    rows, columns, _ = grid.shape
+    channels = weights.shape[1]
+    for index in numba.prange(rows):
+        i = order[index]
+        size = weights.shape[0]
+        acc = np.empty((1, lengths.size, size))
+        work = (np.empty(CUTS), np.empty(CUTS), np.empty(SINES), np.empty((2, size)))
+        u = max(i / (rows - 1.0), 1e-6)
+        big = min(HALF_PI * (1.0 - (1.0 - u) * (1.0 - u)), HALF_PI - 1e-9)
+        for j in range(columns):
+            small = big * math.sin(HALF_PI * (2.0 * j / (columns - 1.0) - 1.0))
+            shift = _peak_shift(0.5 * (big - small), shape) if ndf == 0 else 0.0
+            acc[:] = 0.0
+            # the first order of both orders' exponents is at least the shift, so the depth counts from it
+            rule = (gauss, False, True, shift + DEPTH)
+            total = add_bounces(
+                big, small, ndf, shape, shift, k_explicit, k_cap, tail, rule, fresnel, lengths, work, acc
+            )
+            node = grid[i, j]
+            node[:] = 0.0
+            node[0] = math.log(max(total, TINY))
+            if fresnel[0] == 0 or total <= TINY:
+                continue
+            for c in range(channels):
+                full = 0.0
+                for w in range(size):
+                    full += weights[w, c]
+                for q in range(lengths.size):
+                    ratio = 0.0
+                    for w in range(size):
+                        ratio += weights[w, c] * acc[0, q, w]
+                    step = ratio / total - full
+                    for p in range(lengths.size):
+                        node[1 + p * channels + c] += inverse[p, q] * step
+
+
+@kernel
+def _cubic(x, low, high, weights):
+    """Write cubic Lagrange weights at x for four nodes inside [low, high] and return the first node."""
+    i = min(max(int(x) - 1, low), high - 3)
+    t = x - i - 1.0
+    a, b, c, d = t + 1.0, t, t - 1.0, t - 2.0
+    weights[0] = -b * c * d / 6.0
+    weights[1] = a * c * d / 2.0
+    weights[2] = -a * b * d / 2.0
+    weights[3] = a * b * c / 6.0
+    return i
+
+
+@kernel
+def _at(si, ci, so, co, hx, hy, ox, ndf, shape, many_bounces, first_f, full, grid, gauss, wu, wv, sums, out):
+    """Write the channels of the BRDF (1/sr) at one pair of directions."""
+    out[:] = 0.0
+    if min(ci, co) <= HORIZON:
+        return
+    sin_h, cos_h, i_h, big_l, st, ct, su, cu = groove_plane(si, ci, so, co, hx, hy, ox)
+    t, u = math.atan2(st, ct), math.atan2(su, cu)
+    if u > t:
+        t, u, st, ct = u, t, su, cu
+    cos_d = i_h / big_l
+    front = 0.25 / (ci * co)
+    first = front * density(ndf, shape, cos_h, sin_h) * mean_masking(ndf, shape, sin_h, cos_d, st, ct, gauss)
+    channels = out.size
+    x = i_h * F_CELLS
+    cell = min(int(x), F_CELLS - 1)
+    x -= cell
+    for c in range(channels):
+        out[c] = first * (first_f[cell, c] + x * (first_f[cell + 1, c] - first_f[cell, c]))
+    if not many_bounces:
+        return
+    rows, columns, entries = grid.shape
+    i = _cubic((1.0 - math.sqrt(max(1.0 - t / HALF_PI, 0.0))) * (rows - 1.0), 0, rows - 1, wu)
+    y = 0.5 * (math.asin(min(max(u / max(t, 1e-300), -1.0), 1.0)) / HALF_PI + 1.0) * (columns - 1.0)
+    middle = (columns - 1) // 2
+    j = _cubic(y, 0, middle, wv) if y < middle else _cubic(y, middle, columns - 1, wv)
+    for e in range(entries):
+        sums[e] = 0.0
+    for a in range(4):
+        for b in range(4):
+            w = wu[a] * wv[b]
+            node = grid[i + a, j + b]
+            for e in range(entries):
+                sums[e] += w * node[e]
+    log_w = sums[0]
+    if ndf == 0:
+        # tan(pi/4 - d/2) = cos d/(1 + sin d)
+        tan = cos_d / (1.0 + math.sqrt(max(1.0 - cos_d * cos_d, 0.0)))
+        log_w -= 2.0 * tan * tan / (shape * shape)
+    rest = front / (cos_d * sin_h) * math.exp(log_w)
+    root = math.sqrt(big_l)
+    count = (entries - 1) // channels
+    for c in range(channels):
+        ratio = 0.0
+        for p in range(count - 1, -1, -1):
+            ratio = (ratio + sums[1 + p * channels + c]) * root
+        out[c] += rest * (full[c] + ratio)
+
+
+@parallel_kernel
+def _points(theta_i, theta_o, phi, ndf, shape, many_bounces, first_f, full, grid, gauss, out):
+    blocks = 64
+    size = theta_i.size
+    for block in numba.prange(blocks):
+        wu, wv, sums = np.empty(4), np.empty(4), np.empty(grid.shape[2])
+        for n in range(size * block // blocks, size * (block + 1) // blocks):
+            si, ci, so, co, hx, hy, ox = pair(theta_i[n], theta_o[n], phi[n])
+            _at(si, ci, so, co, hx, hy, ox, ndf, shape, many_bounces, first_f, full, grid, gauss, wu, wv, sums, out[n])
+
+
+class Interpolant:
+    """The in-plane part of one setup, built once; evaluates points and product grids.
+
+    Parameters
+    ----------
+    setup : Setup
+        Isotropic, Beckmann or GGX.
+    tolerance : float
+        Relative error asked; the look-up tables are chosen by it, the grid is fixed (about 5e-4 at worst).
+    """
+
+    def __init__(self, setup: Setup, tolerance: float) -> None:
+        assert setup.fresnel is not None
+        weights = np.ascontiguousarray(setup.fresnel.weights)
+        kind, a, b, table = arguments(setup.fresnel, tolerance)
+        k_cap = 2_000_000_000 if setup.max_bounces is None else setup.max_bounces
+        # nodes in L that leave out 0, where the ratio is known to be 1, and include 1
+        n = np.arange(1, LENGTHS + 1)
+        lengths = (0.5 * (1.0 - np.cos(np.pi * n / LENGTHS))) ** 2
+        inverse = np.linalg.inv(np.sqrt(lengths)[:, None] ** n[None, :])
+        entries = 1 if kind == 0 else 1 + LENGTHS * weights.shape[1]
+        self.grid = np.empty((ROWS, COLUMNS, entries))
+        order = np.random.default_rng(0).permutation(ROWS)
+        self.many_bounces = k_cap >= 2
+        if self.many_bounces:
+            fresnel = (kind, a, b, table)
+            tail, gauss = unit_gauss(3), unit_gauss(5)
+            _build(
+                order, setup.ndf, setup.alpha_x, 16, k_cap, tail, gauss, fresnel, lengths, weights, inverse, self.grid
+            )
+        self.setup = setup
+        self.full = weights.sum(axis=0)
+        self.gauss = unit_gauss(20)
+        self.first_f = _projected_table(setup)
+
+    def points(
+        self, theta_i: np.ndarray, theta_o: np.ndarray, phi: np.ndarray, phi_i: np.ndarray
+    ) -> np.ndarray:
+        """Evaluate at N pairs of directions (radians; phi_i does not matter); returns (N, 1, C) in 1/sr."""
+        out = np.empty((theta_i.size, self.full.size))
+        _points(
+            theta_i,
+            theta_o,
+            phi,
+            self.setup.ndf,
+            self.setup.alpha_x,
+            self.many_bounces,
+            self.first_f,
+            self.full,
+            self.grid,
+            self.gauss,
+            out,
+        )
+        return out[:, None, :]
+
+
+def _projected_table(setup: Setup) -> np.ndarray:
+    """Return F per channel at F_CELLS + 1 equidistant cosines."""
+    from brdftab.materials.fresnel import reflectance
+
+    assert setup.fresnel is not None
+    cosine = np.linspace(0.0, 1.0, F_CELLS + 1)
+    return np.ascontiguousarray(reflectance(setup.fresnel, cosine) @ setup.fresnel.weights)
+
+
