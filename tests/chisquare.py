@@ -99,7 +99,7 @@ def edges(values: np.ndarray, bins: int, top: float) -> np.ndarray:
 
 
 def graded(marks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Split bins that are wide beside a narrow neighbour, at distances growing by 3 from the common edge.
+    """Split bins that are wide beside a narrow neighbour, at distances doubling from the common edge.
 
     The peak beside a wide bin reaches into it, thinner than three Gauss points would notice. Returns the finer edges
     and the bin that each finer interval belongs to.
@@ -109,9 +109,9 @@ def graded(marks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     for j, width in enumerate(widths):
         for neighbour, start, sign in ((j - 1, marks[j], 1), (j + 1, marks[j + 1], -1)):
             step = 0.5 * widths[neighbour] if 0 <= neighbour < len(widths) else width
-            while step < 0.4 * width:
+            while step < 0.5 * width:
                 splits.append(start + sign * step)
-                step *= 3
+                step *= 2
     fine = np.unique(splits)
     return fine, np.searchsorted(marks, 0.5 * (fine[1:] + fine[:-1])) - 1
 
@@ -141,13 +141,15 @@ def check(
     points: tuple[np.ndarray, np.ndarray],
     invalid: int,
     density: Density,
+    top: float = 0.5 * np.pi,
     bins: tuple[int, int] = (20, 20),
 ) -> Verdict:
     """Test `points` (polar, azimuth) and the count of invalid samples against a density per solid angle.
 
-    The bins come from the independent `pilot`; the share left over by the density belongs to the invalid samples.
+    The bins come from the independent `pilot`; no polar angle exceeds `top`, which for half vectors is halfway from
+    the light to the horizon. The share left over by the density belongs to the invalid samples.
     """
-    polar, azimuth = edges(pilot[0], bins[0], 0.5 * np.pi), edges(pilot[1], bins[1], 2 * np.pi)
+    polar, azimuth = edges(pilot[0], bins[0], top), edges(pilot[1], bins[1], 2 * np.pi)
     counts = np.histogram2d(*points, bins=(polar, azimuth))[0].reshape(-1)
     total = counts.sum() + invalid
     (fine_polar, row), (fine_azimuth, column) = graded(polar), graded(azimuth)

@@ -23,7 +23,7 @@ def test_white_furnace(model, ndf, alpha):
     assert np.abs(1.0 - albedo).max() <= 3e-4
 
 
-def _hemisphere(model, theta_i, panels=24, nodes=8, **parameters):
+def _hemisphere(model, theta_i, panels=16, nodes=8, **parameters):
     """Integrate f cos(theta_o) over directions in half-vector space, where the mirror singularity cancels."""
     theta_o, phi, weight = groove_mc.half_vector_nodes(theta_i, polar=panels, azimuth=panels, nodes=nodes)
     seen = weight > 0.0
@@ -44,9 +44,12 @@ def _hemisphere(model, theta_i, panels=24, nodes=8, **parameters):
 def test_albedo_is_the_integral_of_the_brdf(model, ndf, alpha, theta_i, optics):
     parameters = {"ndf": ndf, "alpha": alpha, **optics}
     own = _hemisphere(model, theta_i * DEGREE, tolerance=1e-5, **parameters)
+    if "material" in optics:
+        # measured 7e-6 at 16 panels a side, 7e-7 at 40
+        assert np.allclose(own, 1.0, atol=3e-5)
     albedo = brdftab.albedo(model, theta_i * DEGREE, **parameters)
-    # both rules stop at kinks of the density
-    assert np.allclose(albedo, own, rtol=5e-4)
+    # the library promises 3e-4
+    assert np.allclose(albedo, own, rtol=3e-4)
 
 
 def _left_out(ndf, alpha, caps):

@@ -1,4 +1,4 @@
-"""Samples follow their density (chi-square at a million samples), weights average to the albedo, grooves are traced right."""
+"""Samples follow their density (chi-square at a million), weights average to the albedo, grooves are traced right."""
 
 from __future__ import annotations
 
@@ -80,9 +80,10 @@ def verdict(
         assert np.all((phi_o >= 0) & (phi_o < 2 * np.pi))
         points = (theta_o[valid], phi_o[valid])
         sets.append(chisquare.half_angles(ti, pi_, *points) if singular else points)
+    top = 0.5 * (ti + 0.5 * math.pi) if singular else 0.5 * math.pi
     if singular:
         density = chisquare.in_half_space(density, ti, pi_)
-    return chisquare.check(sets[0], sets[1], MILLION - len(sets[1][0]), density)
+    return chisquare.check(sets[0], sets[1], MILLION - len(sets[1][0]), density, top)
 
 
 @pytest.mark.parametrize(("model", "parameters", "theta_i", "phi_i"), CASES)

@@ -222,7 +222,7 @@ def test_total_is_the_sum_of_all_traced_orders(model):
         )
         total += value
         silent = silent + 1 if value == 0.0 else 0
-    assert k > 30
+    assert k >= 20
     value = brdftab.evaluate(model, *angles, ndf="ggx", alpha=1.0, material="mirror", tolerance=1e-9)
     assert np.allclose(value, total, rtol=1e-7)
 

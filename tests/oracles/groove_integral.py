@@ -115,13 +115,13 @@ def _rule(a, b, case, widths, angles):
 
 
 @njit
-def _adaptive(case, rtol):
-    """Integrate over r in (0, pi/2): 192 panels first, then the worst is halved until the error estimate is small."""
-    cap, k = 3000, case[3]
+def _adaptive(case, rtol, panels):
+    """Integrate over r in (0, pi/2): `panels` first, then the worst is halved until the error estimate is small."""
+    cap, k = panels + 3000, case[3]
     widths, angles = np.empty((2, k + 2)), np.empty((2, k + 2))
     left, right = np.empty(cap), np.empty(cap)
     value, error = np.zeros(cap), np.zeros(cap)
-    n = 192
+    n = panels
     for p in range(n):
         # graded towards 0, where narrow distributions live
         left[p], right[p] = 0.5 * math.pi * (p / n) ** 2, 0.5 * math.pi * ((p + 1) / n) ** 2
@@ -150,11 +150,26 @@ def _norm(ndf, alpha):
 
 
 def order(
-    k, theta_i, theta_o, phi, *, symmetric, ndf, alpha_x, alpha_y=None, phi_i=0.0, eta=None, kappa=0.0, rtol=1e-9
+    k,
+    theta_i,
+    theta_o,
+    phi,
+    *,
+    symmetric,
+    ndf,
+    alpha_x,
+    alpha_y=None,
+    phi_i=0.0,
+    eta=None,
+    kappa=0.0,
+    rtol=1e-9,
+    panels=192,
 ):
     """Bounce order k of the BRDF (1/sr) for one pair of directions in radians; returns (value, estimated error).
 
-    `eta` and `kappa` are one wavelength's index; None is a perfect mirror.
+    `eta` and `kappa` are one wavelength's index; None is a perfect mirror. A beam seen by no node of the first `panels`
+    is missed without notice (1e-5 of an order at some directions); 2500 panels left nothing above 1e-10. Phong lobes
+    with alpha > 1 grow without bound at vertical facets, where this rule is no better than 1e-4.
     """
     alpha_y = alpha_x if alpha_y is None else alpha_y
     eta = -1.0 if eta is None else eta
@@ -174,7 +189,7 @@ def order(
         if symmetric:
             value += _integrand(0.0, case, np.empty((2, k + 2)), np.empty((2, k + 2)))
         else:
-            v, e = _adaptive(case, rtol)
+            v, e = _adaptive(case, rtol, panels)
             value, error = value + v, error + e
     if not symmetric:
         norm = _norm(code, alpha)

@@ -9,14 +9,17 @@ from __future__ import annotations
 import math
 
 from brdftab.jit import kernel
-from brdftab.models.microfacet.fresnel import multiply, multiply_long_chain
+from brdftab.models.microfacet.fresnel import multiply_chain, multiply_long_chain
 from brdftab.models.microfacet.groove2d import beam_even, beam_odd
+from brdftab.models.microfacet.logfresnel import add_products, power_sums, spread_sums
 from brdftab.models.microfacet.ndf import density, opposite_norm
 from brdftab.models.vgroove_nonsym.panels import left_tilt, panel_edges
 
 PI = math.pi
 HALF_PI = 0.5 * math.pi
-MERGE_FROM = 4.0
+# orders from here on see the reflectance at the two nodes that keep three moments of the tilt
+PAIR_FROM = 3.0
+NODES = 1024
 
 
 @kernel
@@ -86,39 +89,63 @@ def _node(x, wall, shape, start, width, l0, slope):
 
 
 @kernel
-def _add_node(fresnel, lengths, r, t, k, exact, l0, slope, value, sines, row, acc):
-    """Add value * prod F at one tilt r to acc (lengths, W), for every projected length L."""
+def _add_node(fresnel, big_l, r, t, k, exact, l0, slope, value, row, acc):
+    """Add value * prod F at one tilt r to acc (W,)."""
     kind, a, b, table = fresnel
     if kind == 0:
-        acc[0, 0] += value
+        acc[0] += value
         return
     left = l0 - slope * r
     step = PI - left - r
     first = HALF_PI - left - t
-    count = int(k + 0.5)
     product = row[0]
+    for w in range(product.size):
+        product[w] = value
     if exact:
-        s, c = math.sin(first), math.cos(first)
-        ss, cs = math.sin(step), math.cos(step)
-        for j in range(count):
-            sines[j] = s
-            s, c = s * cs + c * ss, c * cs - s * ss
-    for q in range(lengths.size):
-        for w in range(product.size):
-            product[w] = value
-        if exact:
-            for j in range(count):
-                multiply(kind, a, b, table, lengths[q] * sines[j], product)
-        else:
-            low = first - 0.5 * step
-            multiply_long_chain(kind, a, b, table, lengths[q], low, low + k * step, k, product, row[1])
-        for w in range(product.size):
-            acc[q, w] += product[w]
+        multiply_chain(kind, a, b, table, big_l, first, step, int(k + 0.5), product)
+    else:
+        low = first - 0.5 * step
+        multiply_long_chain(kind, a, b, table, big_l, low, low + k * step, k, product, row[1])
+    for w in range(product.size):
+        acc[w] += product[w]
 
 
 @kernel
-def add_order(t, u, k, odd, exact, weight, ndf, shape, shift, rule, fresnel, lengths, work, acc):
-    """Add weight times one order on one side to acc (lengths, W); return the same with F = 1.
+def _add_series(series, nodes, count, mass, t, k, exact, l0, slope, acc):
+    """Add collected nodes (r, value) to acc (W, Q) through the polynomial of log F; high orders by two nodes."""
+    coefficients, powers, sums, scratch = series
+    if k >= PAIR_FROM and count > 2:
+        mean = 0.0
+        for n in range(count):
+            mean += nodes[n, 0] * nodes[n, 1]
+        mean /= mass
+        m2, m3 = 0.0, 0.0
+        for n in range(count):
+            x = nodes[n, 0] - mean
+            m2 += x * x * nodes[n, 1]
+            m3 += x * x * x * nodes[n, 1]
+        sigma = math.sqrt(m2 / mass) + 1e-300
+        skew = m3 / mass / (sigma * sigma * sigma)
+        root = math.sqrt(skew * skew + 4.0)
+        low, high = 0.5 * (skew - root), 0.5 * (skew + root)
+        nodes[0, 0], nodes[0, 1] = mean + sigma * low, mass * high / root
+        nodes[1, 0], nodes[1, 1] = mean + sigma * high, -mass * low / root
+        count = 2
+    for n in range(count):
+        r = nodes[n, 0]
+        left = l0 - slope * r
+        step = PI - left - r
+        first = HALF_PI - left - t
+        if exact:
+            power_sums(first, step, int(k + 0.5), sums)
+        else:
+            spread_sums(first - 0.5 * step, step, k, sums)
+        add_products(nodes[n, 1], sums, coefficients, powers, scratch, acc)
+
+
+@kernel
+def add_order(t, u, k, odd, exact, weight, ndf, shape, shift, rule, fresnel, big_l, series, work, acc):
+    """Add weight times one order on one side to acc; return the same with F = 1.
 
     Parameters
     ----------
@@ -127,15 +154,17 @@ def add_order(t, u, k, odd, exact, weight, ndf, shape, shift, rule, fresnel, len
     k : float
         The order, real in the tail (then exact is False).
     rule : tuple
-        Gauss nodes and weights (2, n), fine, merge, depth limit; merge replaces the nodes of a panel by one at their
-        centre of mass when the reflectance of a high order is applied.
-    lengths : ndarray (Q,)
-        Projected lengths L at which the reflectance is applied.
+        Gauss nodes and weights (2, n), fine scale cuts or not, depth limit of `panel_edges`.
+    big_l : float
+        Projected length L at which the reflectance is applied; acc is (1, W) then.
+    series : tuple
+        Polynomial of log F, powers of several lengths, scratch; if not empty acc is (W, Q) for all Q lengths.
     work : tuple of ndarray
-        Scratch: cuts, edges, sines, row.
+        Scratch: cuts, edges, row, nodes.
     """
-    gauss, fine, merge, depth_limit = rule
-    cuts, edges, sines, row = work
+    gauss, fine, depth_limit = rule
+    cuts, edges, row, nodes = work
+    use_series = series[0].shape[1] > 0
     count = panel_edges(t, u, k, odd, ndf, shape, fine, depth_limit, cuts, edges)
     if count == 0:
         return 0.0
@@ -144,13 +173,12 @@ def add_order(t, u, k, odd, exact, weight, ndf, shape, shift, rule, fresnel, len
     swap = u > t
     # J = k/2 for even, (k + 1)/2 for odd orders
     front = weight * opposite_norm(ndf, shape) * 2.0 / (k + (1.0 if odd else 0.0))
-    merging = merge and k >= MERGE_FROM
     total = 0.0
+    found = 0
     for e in range(count - 1):
         width = edges[e + 1] - edges[e]
         if width <= 1e-15:
             continue
-        mass, moment = 0.0, 0.0
         wall = _wall(ndf, shape, e == 0, e == count - 2, edges[e], edges[e + 1], l0, slope)
         for q in range(gauss.shape[1]):
             r, left, sr, cr, sl, cl, jacobian = _node(gauss[0, q], wall, shape, edges[e], width, l0, slope)
@@ -167,19 +195,20 @@ def add_order(t, u, k, odd, exact, weight, ndf, shape, shift, rule, fresnel, len
             value = front * width * jacobian * gauss[1, q] * _facets(ndf, shape, sl, cl, sr, cr, shift) * sl * sr * beam
             if value <= 0.0:
                 continue
-            mass += value
-            moment += value * r
-            if not merging:
-                _add_node(fresnel, lengths, r, t, k, exact, l0, slope, value, sines, row, acc)
-        if merging and mass > 0.0:
-            _add_node(fresnel, lengths, moment / mass, t, k, exact, l0, slope, mass, sines, row, acc)
-        total += mass
+            total += value
+            if use_series:
+                nodes[found, 0], nodes[found, 1] = r, value
+                found += 1
+            else:
+                _add_node(fresnel, big_l, r, t, k, exact, l0, slope, value, row, acc[0])
+    if found > 0:
+        _add_series(series, nodes, found, total, t, k, exact, l0, slope, acc)
     return total
 
 
 @kernel
-def add_bounces(big_m, small_m, ndf, shape, shift, k_explicit, k_cap, tail, rule, fresnel, lengths, work, acc):
-    """Add every order k >= 2 up to the cap to acc (P, Q, W) and return their sum for F = 1.
+def add_bounces(big_m, small_m, ndf, shape, shift, k_explicit, k_cap, tail, rule, fresnel, big_l, series, work, acc):
+    """Add every order k >= 2 up to the cap to acc (P, ...) and return their sum for F = 1.
 
     Orders up to k_explicit are summed one by one; beyond, half the integral over k by `tail` (2, n) nodes in 1/k.
     Order k goes to layer min(k, P) - 1. Parameters as in `add_order`.
@@ -194,7 +223,7 @@ def add_bounces(big_m, small_m, ndf, shape, shift, k_explicit, k_cap, tail, rule
         k = 3 if odd else 2
         while k < end and k <= k_explicit and k <= k_cap:
             part = add_order(
-                t, u, float(k), odd, True, 1.0, ndf, shape, shift, rule, fresnel, lengths, work, acc[min(k, layers) - 1]
+                t, u, float(k), odd, True, 1.0, ndf, shape, shift, rule, fresnel, big_l, series, work, acc[min(k, layers) - 1]
             )
             total += part
             k += 2
@@ -208,6 +237,6 @@ def add_bounces(big_m, small_m, ndf, shape, shift, k_explicit, k_cap, tail, rule
             x = x0 + (x1 - x0) * tail[0, q]
             weight = 0.5 * (x1 - x0) * tail[1, q] / (x * x)
             total += add_order(
-                t, u, 1.0 / x, odd, False, weight, ndf, shape, shift, rule, fresnel, lengths, work, acc[layers - 1]
+                t, u, 1.0 / x, odd, False, weight, ndf, shape, shift, rule, fresnel, big_l, series, work, acc[layers - 1]
             )
     return total

@@ -15,9 +15,10 @@ import numpy as np
 
 from brdftab.jit import kernel, parallel_kernel
 from brdftab.models.microfacet.frame import groove_plane, pair
+from brdftab.models.microfacet.logfresnel import fit
 from brdftab.models.microfacet.project import arguments, unit_gauss
 from brdftab.models.setup import Setup
-from brdftab.models.vgroove_nonsym.bounces import add_bounces
+from brdftab.models.vgroove_nonsym.bounces import NODES, add_bounces
 from brdftab.models.vgroove_nonsym.first_order import mean_masking
 from brdftab.models.microfacet.ndf import density
 from brdftab.models.vgroove_nonsym.panels import CUTS
@@ -26,11 +27,15 @@ PI = math.pi
 HALF_PI = 0.5 * math.pi
 HORIZON = 1e-15
 TINY = 1e-300
+MIRROR = 1e-14
+# the tightest tolerance that the fixed grid can hold
+REACH = 8e-4
 # rows in M, columns in m, projected lengths: measured in benchmarks/nonsym_interpolant.py
-ROWS, COLUMNS, LENGTHS = 113, 145, 7
+ROWS, COLUMNS, LENGTHS = 113, 145, 9
 F_CELLS = 4096
-SINES = 80
-DEPTH = 40.0
+DEPTH = 120.0
+# logarithms below this are so small that straight interpolation, which cannot overshoot, serves
+FAINT = -50.0
 
 
 @kernel
@@ -41,24 +46,25 @@ def _peak_shift(d, shape):
 
 
 @parallel_kernel
-def _build(order, ndf, shape, k_explicit, k_cap, tail, gauss, fresnel, lengths, weights, inverse, grid):
+def _build(order, ndf, shape, k_explicit, k_cap, tail, gauss, fresnel, coefficients, powers, weights, inverse, grid):
     rows, columns, _ = grid.shape
     channels = weights.shape[1]
     for index in numba.prange(rows):
         i = order[index]
         size = weights.shape[0]
-        acc = np.empty((1, lengths.size, size))
-        work = (np.empty(CUTS), np.empty(CUTS), np.empty(SINES), np.empty((2, size)))
+        lengths = powers.shape[1]
+        acc = np.empty((1, size, lengths))
+        work = (np.empty(CUTS), np.empty(CUTS), np.empty((2, size)), np.empty((NODES, 2)))
+        series = (coefficients, powers, np.empty(powers.shape[0]), np.empty((size, lengths)))
         u = max(i / (rows - 1.0), 1e-6)
         big = min(HALF_PI * (1.0 - (1.0 - u) * (1.0 - u)), HALF_PI - 1e-9)
         for j in range(columns):
             small = big * math.sin(HALF_PI * (2.0 * j / (columns - 1.0) - 1.0))
             shift = _peak_shift(0.5 * (big - small), shape) if ndf == 0 else 0.0
             acc[:] = 0.0
-            # the first order of both orders' exponents is at least the shift, so the depth counts from it
-            rule = (gauss, False, True, shift + DEPTH)
+            rule = (gauss, False, shift + DEPTH)
             total = add_bounces(
-                big, small, ndf, shape, shift, k_explicit, k_cap, tail, rule, fresnel, lengths, work, acc
+                big, small, ndf, shape, shift, k_explicit, k_cap, tail, rule, fresnel, 1.0, series, work, acc
             )
             node = grid[i, j]
             node[:] = 0.0
@@ -69,12 +75,12 @@ def _build(order, ndf, shape, k_explicit, k_cap, tail, gauss, fresnel, lengths, 
                 full = 0.0
                 for w in range(size):
                     full += weights[w, c]
-                for q in range(lengths.size):
+                for q in range(lengths):
                     ratio = 0.0
                     for w in range(size):
-                        ratio += weights[w, c] * acc[0, q, w]
+                        ratio += weights[w, c] * acc[0, w, q]
                     step = ratio / total - full
-                    for p in range(lengths.size):
+                    for p in range(lengths):
                         node[1 + p * channels + c] += inverse[p, q] * step
 
 
@@ -92,11 +98,49 @@ def _cubic(x, low, high, weights):
 
 
 @kernel
-def _at(si, ci, so, co, hx, hy, ox, ndf, shape, many_bounces, first_f, full, grid, gauss, wu, wv, sums, out):
-    """Write the channels of the BRDF (1/sr) at one pair of directions."""
-    out[:] = 0.0
+def _straight(grid, x, y):
+    """Return the bilinear value of log W at grid coordinates."""
+    i = min(int(x), grid.shape[0] - 2)
+    j = min(int(y), grid.shape[1] - 2)
+    a, b = x - i, y - j
+    low = grid[i, j, 0] * (1.0 - b) + grid[i, j + 1, 0] * b
+    high = grid[i + 1, j, 0] * (1.0 - b) + grid[i + 1, j + 1, 0] * b
+    return low * (1.0 - a) + high * a
+
+
+@kernel
+def _higher_orders(big, ratio, grid, sums, wu, wv):
+    """Write the interpolated log W and ratio coefficients at M = big, m = big * ratio to sums."""
+    rows, columns, entries = grid.shape
+    x = (1.0 - math.sqrt(max(1.0 - big / HALF_PI, 0.0))) * (rows - 1.0)
+    i = _cubic(x, 0, rows - 1, wu)
+    y = 0.5 * (math.asin(min(max(ratio, -1.0), 1.0)) / HALF_PI + 1.0) * (columns - 1.0)
+    middle = (columns - 1) // 2
+    j = _cubic(y, 0, middle, wv) if y < middle else _cubic(y, middle, columns - 1, wv)
+    for e in range(entries):
+        sums[e] = 0.0
+    lowest = 0.0
+    for a in range(4):
+        for b in range(4):
+            w = wu[a] * wv[b]
+            node = grid[i + a, j + b]
+            lowest = min(lowest, node[0])
+            for e in range(entries):
+                sums[e] += w * node[e]
+    if lowest < FAINT:
+        sums[0] = _straight(grid, x, y)
+
+
+@kernel
+def _at(directions, ndf, shape, many_bounces, first_f, full, grid, gauss, work, out):
+    """Write the channels of the BRDF (1/sr) at one pair of directions, given as `pair` returns it."""
+    si, ci, so, co, hx, hy, ox = directions
+    channels = out.size
     if min(ci, co) <= HORIZON:
+        for c in range(channels):
+            out[c] = 0.0
         return
+    wu, wv, sums = work
     sin_h, cos_h, i_h, big_l, st, ct, su, cu = groove_plane(si, ci, so, co, hx, hy, ox)
     t, u = math.atan2(st, ct), math.atan2(su, cu)
     if u > t:
@@ -104,27 +148,14 @@ def _at(si, ci, so, co, hx, hy, ox, ndf, shape, many_bounces, first_f, full, gri
     cos_d = i_h / big_l
     front = 0.25 / (ci * co)
     first = front * density(ndf, shape, cos_h, sin_h) * mean_masking(ndf, shape, sin_h, cos_d, st, ct, gauss)
-    channels = out.size
     x = i_h * F_CELLS
     cell = min(int(x), F_CELLS - 1)
     x -= cell
     for c in range(channels):
         out[c] = first * (first_f[cell, c] + x * (first_f[cell + 1, c] - first_f[cell, c]))
-    if not many_bounces:
+    if not many_bounces or sin_h < MIRROR:
         return
-    rows, columns, entries = grid.shape
-    i = _cubic((1.0 - math.sqrt(max(1.0 - t / HALF_PI, 0.0))) * (rows - 1.0), 0, rows - 1, wu)
-    y = 0.5 * (math.asin(min(max(u / max(t, 1e-300), -1.0), 1.0)) / HALF_PI + 1.0) * (columns - 1.0)
-    middle = (columns - 1) // 2
-    j = _cubic(y, 0, middle, wv) if y < middle else _cubic(y, middle, columns - 1, wv)
-    for e in range(entries):
-        sums[e] = 0.0
-    for a in range(4):
-        for b in range(4):
-            w = wu[a] * wv[b]
-            node = grid[i + a, j + b]
-            for e in range(entries):
-                sums[e] += w * node[e]
+    _higher_orders(t, u / max(t, TINY), grid, sums, wu, wv)
     log_w = sums[0]
     if ndf == 0:
         # tan(pi/4 - d/2) = cos d/(1 + sin d)
@@ -132,7 +163,7 @@ def _at(si, ci, so, co, hx, hy, ox, ndf, shape, many_bounces, first_f, full, gri
         log_w -= 2.0 * tan * tan / (shape * shape)
     rest = front / (cos_d * sin_h) * math.exp(log_w)
     root = math.sqrt(big_l)
-    count = (entries - 1) // channels
+    count = (grid.shape[2] - 1) // channels
     for c in range(channels):
         ratio = 0.0
         for p in range(count - 1, -1, -1):
@@ -145,10 +176,32 @@ def _points(theta_i, theta_o, phi, ndf, shape, many_bounces, first_f, full, grid
     blocks = 64
     size = theta_i.size
     for block in numba.prange(blocks):
-        wu, wv, sums = np.empty(4), np.empty(4), np.empty(grid.shape[2])
+        work = (np.empty(4), np.empty(4), np.empty(grid.shape[2]))
         for n in range(size * block // blocks, size * (block + 1) // blocks):
-            si, ci, so, co, hx, hy, ox = pair(theta_i[n], theta_o[n], phi[n])
-            _at(si, ci, so, co, hx, hy, ox, ndf, shape, many_bounces, first_f, full, grid, gauss, wu, wv, sums, out[n])
+            directions = pair(theta_i[n], theta_o[n], phi[n])
+            _at(directions, ndf, shape, many_bounces, first_f, full, grid, gauss, work, out[n])
+
+
+@parallel_kernel
+def _fill(theta_i, theta_o, cos_half, sin_phi, square, ndf, shape, many_bounces, first_f, full, grid, gauss, out):
+    rows, columns, steps, channels = out.shape
+    for index in numba.prange(rows):
+        # long and short rows of the triangle in turn, so that all threads get the same work
+        i = index // 2 if index % 2 == 0 else rows - 1 - index // 2
+        work = (np.empty(4), np.empty(4), np.empty(grid.shape[2]))
+        value = np.empty(channels)
+        si, ci = math.sin(theta_i[i]), math.cos(theta_i[i])
+        for o in range(i + 1 if square else columns):
+            so, co = math.sin(theta_o[o]), math.cos(theta_o[o])
+            diff = 2.0 * math.cos(0.5 * (theta_i[i] + theta_o[o])) * math.sin(0.5 * (theta_i[i] - theta_o[o]))
+            for p in range(steps):
+                one_plus = 2.0 * cos_half[p] * cos_half[p]
+                directions = (si, ci, so, co, diff + so * one_plus, so * sin_phi[p], si * one_plus - diff)
+                _at(directions, ndf, shape, many_bounces, first_f, full, grid, gauss, work, value)
+                for c in range(channels):
+                    out[i, o, p, c] = value[c]
+                    if square:
+                        out[o, i, p, c] = value[c]
 
 
 class Interpolant:
@@ -160,9 +213,11 @@ class Interpolant:
         Isotropic, Beckmann or GGX.
     tolerance : float
         Relative error asked; the look-up tables are chosen by it, the grid is fixed (about 5e-4 at worst).
+    coefficients : ndarray (W, P)
+        Polynomial of log F from `logfresnel.fit`.
     """
 
-    def __init__(self, setup: Setup, tolerance: float) -> None:
+    def __init__(self, setup: Setup, tolerance: float, coefficients: np.ndarray) -> None:
         assert setup.fresnel is not None
         weights = np.ascontiguousarray(setup.fresnel.weights)
         kind, a, b, table = arguments(setup.fresnel, tolerance)
@@ -171,40 +226,51 @@ class Interpolant:
         n = np.arange(1, LENGTHS + 1)
         lengths = (0.5 * (1.0 - np.cos(np.pi * n / LENGTHS))) ** 2
         inverse = np.linalg.inv(np.sqrt(lengths)[:, None] ** n[None, :])
+        powers = np.ascontiguousarray(lengths[None, :] ** np.arange(1, coefficients.shape[1] + 1)[:, None])
         entries = 1 if kind == 0 else 1 + LENGTHS * weights.shape[1]
-        self.grid = np.empty((ROWS, COLUMNS, entries))
-        order = np.random.default_rng(0).permutation(ROWS)
-        self.many_bounces = k_cap >= 2
-        if self.many_bounces:
+        grid = np.empty((ROWS, COLUMNS, entries))
+        many_bounces = k_cap >= 2
+        if many_bounces:
+            order = np.random.default_rng(0).permutation(ROWS)
             fresnel = (kind, a, b, table)
-            tail, gauss = unit_gauss(3), unit_gauss(5)
+            ndf, shape, tail, gauss = setup.ndf, setup.alpha_x, unit_gauss(3), unit_gauss(5)
             _build(
-                order, setup.ndf, setup.alpha_x, 16, k_cap, tail, gauss, fresnel, lengths, weights, inverse, self.grid
+                order, ndf, shape, 16, k_cap, tail, gauss, fresnel, coefficients, powers, weights, inverse, grid
             )
-        self.setup = setup
-        self.full = weights.sum(axis=0)
-        self.gauss = unit_gauss(20)
-        self.first_f = _projected_table(setup)
-
-    def points(
-        self, theta_i: np.ndarray, theta_o: np.ndarray, phi: np.ndarray, phi_i: np.ndarray
-    ) -> np.ndarray:
-        """Evaluate at N pairs of directions (radians; phi_i does not matter); returns (N, 1, C) in 1/sr."""
-        out = np.empty((theta_i.size, self.full.size))
-        _points(
-            theta_i,
-            theta_o,
-            phi,
-            self.setup.ndf,
-            self.setup.alpha_x,
-            self.many_bounces,
-            self.first_f,
-            self.full,
-            self.grid,
-            self.gauss,
-            out,
+        full = weights.sum(axis=0)
+        self._arguments = (
+            setup.ndf,
+            setup.alpha_x,
+            many_bounces,
+            _projected_table(setup),
+            full,
+            grid,
+            unit_gauss(20),
         )
+        self._channels = full.size
+
+    def points(self, theta_i: np.ndarray, theta_o: np.ndarray, phi: np.ndarray, phi_i: np.ndarray) -> np.ndarray:
+        """Evaluate at N pairs of directions (radians; phi_i does not matter); returns (N, 1, C) in 1/sr."""
+        out = np.empty((theta_i.size, self._channels))
+        _points(theta_i, theta_o, phi, *self._arguments, out)
         return out[:, None, :]
+
+    def fill(self, theta_i: np.ndarray, theta_o: np.ndarray, phi: np.ndarray, square: bool, out: np.ndarray) -> None:
+        """Fill out (I, O, P, C) on a product grid; a square one is computed half and mirrored."""
+        _fill(theta_i, theta_o, np.cos(0.5 * phi), np.sin(phi), square, *self._arguments, out)
+
+
+def build(setup: Setup, tolerance: float) -> Interpolant | None:
+    """Return an interpolant where it can hold the tolerance, else None (then evaluate directly)."""
+    assert setup.fresnel is not None
+    if setup.ndf == 2 or not setup.isotropic or tolerance < REACH or not 0.02 <= setup.alpha_x <= 4.0:
+        return None
+    if setup.fresnel.kind == 0:
+        return Interpolant(setup, tolerance, np.zeros((1, 0)))
+    coefficients = fit(setup.fresnel, 0.05 * tolerance)
+    if coefficients is None:
+        return None
+    return Interpolant(setup, tolerance, coefficients)
 
 
 def _projected_table(setup: Setup) -> np.ndarray:

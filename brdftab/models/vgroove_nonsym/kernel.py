@@ -23,7 +23,7 @@ NO_CAP = 2_000_000_000
 MIRROR = 1e-14
 # orders whose peak lies this many e-folds below the first order's cannot change a float64 sum
 DEPTH = 45.0
-SINES = 80
+NO_SERIES = (np.empty((0, 0)), np.empty((0, 0)), np.empty(0), np.empty((0, 0)))
 
 
 @kernel
@@ -38,7 +38,7 @@ def first_order(ndf, shape, amp, plane, ci, co, gauss):
 
 
 @kernel
-def evaluate(theta_i, theta_o, phi, phi_i, ndf, alpha_x, alpha_y, fresnel, sums, work, acc):
+def evaluate(theta_i, theta_o, phi, phi_i, ndf, alpha_x, alpha_y, fresnel, series, sums, work, acc):
     """Fill acc (P, 1, W) with the BRDF (1/sr) by order and wavelength at one pair of directions."""
     acc[:] = 0.0
     si, ci, so, co, hx, hy, ox = pair(theta_i, theta_o, phi)
@@ -55,8 +55,6 @@ def evaluate(theta_i, theta_o, phi, phi_i, ndf, alpha_x, alpha_y, fresnel, sums,
     k_explicit, k_cap, tail, gauss, fine, masking_gauss = sums
     value, big_m, small_m = first_order(ndf, shape, amp, plane, ci, co, masking_gauss)
     kind, a, b, table = fresnel
-    lengths = np.empty(1)
-    lengths[0] = big_l
     if k_cap >= 2 and sin_h >= MIRROR:
         depth = DEPTH
         if ndf == 0:
@@ -64,13 +62,13 @@ def evaluate(theta_i, theta_o, phi, phi_i, ndf, alpha_x, alpha_y, fresnel, sums,
             depth += tangent * tangent
         elif ndf == 2:
             depth -= shape * math.log(cos_h)
-        rule = (gauss, fine, False, depth)
-        add_bounces(big_m, small_m, ndf, shape, 0.0, k_explicit, k_cap, tail, rule, fresnel, lengths, work, acc)
+        rule = (gauss, fine, depth)
+        add_bounces(big_m, small_m, ndf, shape, 0.0, k_explicit, k_cap, tail, rule, fresnel, big_l, series, work, acc)
         front = amp * big_l / (4.0 * i_h * ci * co * sin_h)
         for p in range(acc.shape[0]):
             for w in range(acc.shape[2]):
                 acc[p, 0, w] *= front
-    first = work[3][0]
+    first = work[2][0]
     for w in range(first.size):
         first[w] = value
     multiply(kind, a, b, table, i_h, first)
@@ -79,12 +77,12 @@ def evaluate(theta_i, theta_o, phi, phi_i, ndf, alpha_x, alpha_y, fresnel, sums,
 
 
 @parallel_kernel
-def _points(theta_i, theta_o, phi, phi_i, ndf, alpha_x, alpha_y, fresnel, weights, sums, out):
+def _points(theta_i, theta_o, phi, phi_i, ndf, alpha_x, alpha_y, fresnel, weights, series, sums, out):
     for n in numba.prange(theta_i.size):
         size = weights.shape[0]
         acc = np.empty((out.shape[1], 1, size))
-        work = (np.empty(CUTS), np.empty(CUTS), np.empty(SINES), np.empty((2, size)))
-        evaluate(theta_i[n], theta_o[n], phi[n], phi_i[n], ndf, alpha_x, alpha_y, fresnel, sums, work, acc)
+        work = (np.empty(CUTS), np.empty(CUTS), np.empty((2, size)), np.empty((1, 2)))
+        evaluate(theta_i[n], theta_o[n], phi[n], phi_i[n], ndf, alpha_x, alpha_y, fresnel, series, sums, work, acc)
         project(acc[:, 0, :], weights, out[n])
 
 
@@ -104,7 +102,7 @@ def arrays(setup: Setup, tolerance: float) -> tuple[Any, ...]:
     k_cap = NO_CAP if setup.max_bounces is None else setup.max_bounces
     sums = (k_explicit, k_cap, unit_gauss(tail), unit_gauss(nodes), fine, unit_gauss(20))
     weights = np.ascontiguousarray(setup.fresnel.weights)
-    return setup.ndf, setup.alpha_x, setup.alpha_y, arguments(setup.fresnel, tolerance), weights, sums
+    return setup.ndf, setup.alpha_x, setup.alpha_y, arguments(setup.fresnel, tolerance), weights, NO_SERIES, sums
 
 
 def points(
