@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from typing import Any
 
 import numpy as np
@@ -139,3 +140,38 @@ def evaluate(
     if not components:
         return values[..., 0, :]
     return {name: values[..., n, :] for n, name in enumerate(component_names(setup, ORDERS))}
+
+
+def evaluate_point(
+    setup: Setup, theta_i: float, theta_o: float, phi: float, phi_i: float, *, tolerance: float, components: bool
+) -> dict[str, Any]:
+    """Evaluate one pair of directions (radians) with its estimated error and run time.
+
+    The error is the difference to the same evaluation at a hundredth of the tolerance, relative to the largest channel,
+    plus the rounding of float64.
+
+    Returns
+    -------
+    dict
+        model, parameters, channels, value, components (None unless asked), error, run_time_s; JSON-able.
+    """
+    asked = check_tolerance(tolerance)
+    orders = ORDERS if components else 0
+    values = evaluate_setup(setup, theta_i, theta_o, phi, phi_i, orders, asked)
+    started = time.perf_counter()
+    values = evaluate_setup(setup, theta_i, theta_o, phi, phi_i, orders, asked)
+    elapsed = time.perf_counter() - started
+    finer = evaluate_setup(setup, theta_i, theta_o, phi, phi_i, 0, max(0.01 * asked, 1e-14))[0]
+    total = values.sum(axis=0)
+    scale = float(np.abs(finer).max())
+    error = float(np.abs(finer - total).max()) / scale if scale > 0.0 else 0.0
+    names = component_names(setup, orders) if components else ()
+    return {
+        "model": setup.model.name,
+        "parameters": setup.parameters,
+        "channels": list(setup.channels),
+        "value": total.tolist(),
+        "components": dict(zip(names, values.tolist(), strict=True)) if components else None,
+        "error": error + float(np.finfo(np.float64).eps),
+        "run_time_s": elapsed,
+    }

@@ -108,7 +108,7 @@ def graded(marks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     splits = list(marks)
     for j, width in enumerate(widths):
         for neighbour, start, sign in ((j - 1, marks[j], 1), (j + 1, marks[j + 1], -1)):
-            step = 0.5 * widths[neighbour] if 0 <= neighbour < len(widths) else width
+            step = widths[neighbour] if 0 <= neighbour < len(widths) else width
             while step < 0.5 * width:
                 splits.append(start + sign * step)
                 step *= 2

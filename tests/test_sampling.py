@@ -102,6 +102,18 @@ def test_a_density_two_percent_wrong_is_caught(model: str) -> None:
     assert rougher.p_value < 1e-6, rougher
 
 
+def test_density_printed_in_section_6_fails() -> None:
+    # one bounce only, where Lee et al. print D(h) cos(theta_h) G and the samples follow D G / (4 i_z)
+    parameters = {"ndf": "ggx", "alpha": 0.5, "material": "mirror", "max_bounces": 1}
+    ti = math.radians(40)
+
+    def printed(theta_o: np.ndarray, phi: np.ndarray) -> np.ndarray:
+        return 4 * math.cos(ti) * np.cos(chisquare.half_angles(ti, 0.0, theta_o, phi)[0])
+
+    assert verdict("vgroove-sym", parameters, 40, 0).p_value > LEVEL
+    assert verdict("vgroove-sym", parameters, 40, 0, perturb=printed).p_value < 1e-300
+
+
 def test_chi_square_of_known_counts() -> None:
     rng = np.random.default_rng(3)
     share = rng.random(300)

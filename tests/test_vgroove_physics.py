@@ -279,9 +279,8 @@ def test_reciprocity(model, rough, optics):
     there = brdftab.evaluate(model, theta_i, theta_o, phi, phi_i=phi_i, **rough, **optics)
     back = brdftab.evaluate(model, theta_o, theta_i, -phi, phi_i=phi_i + phi, **rough, **optics)
     assert (there > 0.0).any()
-    # 1e-250: far in a Gaussian tail a rounding of h changes D by more than its own digits
-    assert np.abs(there - back).max(where=there < 1e-250, initial=0.0) < 1e-250
-    assert (np.abs(there - back) <= 1e-11 * np.maximum(there, back) + 1e-250).all()
+    # measured 5e-13, deep in a Gaussian tail; 6e-14 where light arrives
+    assert (np.abs(there - back) <= 1e-11 * np.maximum(there, back) + 1e-300).all()
 
 
 def _pairs():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from brdftab.models.microfacet.single import V_CAVITY, evaluate_points
+from brdftab.models.microfacet.single_table import SingleBounceTable, build
 from brdftab.models.setup import Setup
 
 
@@ -20,3 +21,8 @@ def points(
 ) -> np.ndarray:
     """Evaluate at N pairs of directions (radians); returns (N, 1, C) in 1/sr, exact for any `tolerance`."""
     return evaluate_points(setup, V_CAVITY, theta_i, theta_o, phi, phi_i)
+
+
+def prepare(setup: Setup, tolerance: float) -> SingleBounceTable | None:
+    """Return the fast product-grid table of an isotropic setup, or None where only `points` holds the tolerance."""
+    return build(setup, V_CAVITY, tolerance)

@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 
 from brdftab.jit import kernel
-from brdftab.materials.fresnel import Fresnel
+from brdftab.materials import quadrature
+from brdftab.materials.fresnel import Fresnel, metal
 from brdftab.models.microfacet.fresnel import fill_table
+from brdftab.models.setup import Setup
 
 # a linear look-up of this many cells is good to 2e-7 for metals
 CELLS = 4096
@@ -39,6 +41,21 @@ def unit_gauss(count: int) -> np.ndarray:
     """Return Gauss-Legendre nodes and weights on (0, 1), shape (2, count)."""
     x, w = np.polynomial.legendre.leggauss(count)
     return np.stack([0.5 * (1.0 + x), 0.5 * w])
+
+
+def thinned(setup: Setup, tolerance: float) -> Fresnel:
+    """Return the reflectance with as few wavelengths as the relative tolerance allows, for orders two and above.
+
+    Only a metal by name at its default count is thinned; what the user chose is kept.
+    """
+    assert setup.fresnel is not None
+    name = setup.parameters.get("material")
+    if setup.fresnel.kind != 1 or name is None or {"wavelengths", "spectral_samples"} & setup.parameters.keys():
+        return setup.fresnel
+    for count in quadrature.counts(name):
+        if quadrature.rule(name, count).error <= tolerance and count < setup.fresnel.a.size:
+            return metal(name, samples=count)
+    return setup.fresnel
 
 
 @kernel

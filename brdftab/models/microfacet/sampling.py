@@ -29,6 +29,8 @@ from brdftab.models.setup import Setup
 Array = NDArray[np.float64]
 # beyond this slope (in units of alpha) exp(-u^2) is below 1e-19 of the density: no float64 uniform gets there
 _FAR = 6.7
+# Phong's slopes have no bound for alpha > 1; this one squares to a finite number
+STEEPEST = 1e98
 # relative tolerance of the quadrature behind a V-groove's pdf, and of f where a weight divides by it
 PDF_TOLERANCE = 1e-4
 
@@ -69,7 +71,7 @@ def tilt_tangents(setup: Setup, n: int, rng: np.random.Generator) -> Array:
         return np.sqrt(np.expm1(-log_u))
     # cos(theta_m)^(n + 2) is uniform and n + 2 = 2 / alpha^2
     with np.errstate(over="ignore"):
-        return np.sqrt(np.expm1(-log_u * setup.alpha_x**2)) / setup.alpha_x
+        return np.minimum(np.sqrt(np.expm1(-log_u * setup.alpha_x**2)) / setup.alpha_x, STEEPEST)
 
 
 def facet_slopes(setup: Setup, n: int, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -82,10 +84,9 @@ def facet_slopes(setup: Setup, n: int, rng: np.random.Generator) -> tuple[Array,
 
 
 def normals(u: Array, v: Array) -> Array:
-    """Return the unit normals (N, 3) of slopes; vertical facets (infinite slope) lose no precision."""
-    r = np.hypot(u, v)
-    theta, phi = np.arctan(r), np.arctan2(v, u)
-    return unit(theta, phi)
+    """Return the unit normals (N, 3) of slopes of at most 1e100."""
+    z = 1.0 / np.sqrt(1.0 + u * u + v * v)
+    return np.stack([u * z, v * z, z], axis=-1)
 
 
 def reflect(i: Array, m: Array) -> Array:
@@ -129,7 +130,10 @@ def visible_slope(c, uniform):
         step = u - gap / slope if slope > 0.0 else lo - 1.0
         if not lo < step < hi:
             step = 0.5 * (lo + hi)
-        if abs(step - u) <= 1e-15 * (1.0 + abs(u)):
+            if hi - lo <= 1e-15 * (1.0 + abs(step)):
+                return step
+        elif abs(step - u) <= 1e-8 * (1.0 + abs(u)):
+            # the error of a Newton step is of the order of its square
             return step
         u = step
     return u
@@ -221,7 +225,7 @@ def tangents_beside(setup: Setup, n: int, rng: np.random.Generator) -> Array:
         return np.sqrt(power)
     shape = 0.5 if setup.ndf == GGX else 1.0 / setup.alpha_x**2 - 0.5
     with np.errstate(divide="ignore"):
-        t = np.sqrt(power / rng.standard_gamma(shape, n))
+        t = np.minimum(np.sqrt(power / rng.standard_gamma(shape, n)), STEEPEST)
     return t if setup.ndf == GGX else t / setup.alpha_x
 
 
@@ -273,14 +277,16 @@ def leave_groove(ti, a, b, where):
 
 
 @kernel
-def _leave_grooves(i, azimuth, a, b, where, most):
+def _leave_grooves(i, u, v, right, where, most):
     """Follow rays from -i (3,) through grooves (N,): see `reflect_in_grooves`."""
-    out = np.empty((azimuth.size, 3))
-    for j in range(azimuth.size):
+    out = np.empty((u.size, 3))
+    for j in range(u.size):
+        left = math.hypot(u[j], v[j])
         # the left facet's normal leans to the right, which is the positive side of the groove's plane
-        x, y = math.cos(azimuth[j]), math.sin(azimuth[j])
+        x, y = (u[j] / left, v[j] / left) if left > 0.0 else (1.0, 0.0)
         inside, beside = i[0] * x + i[1] * y, i[1] * x - i[0] * y
-        k, to = leave_groove(math.atan2(inside, i[2]), a[j], b[j], where[j])
+        a, b = math.atan2(1.0, left), math.atan2(1.0, right[j])
+        k, to = leave_groove(math.atan2(inside, i[2]), a, b, where[j])
         length = math.hypot(inside, i[2])
         s, z = length * math.sin(to), length * math.cos(to)
         if most > 0 and k > most:
@@ -289,7 +295,7 @@ def _leave_grooves(i, azimuth, a, b, where, most):
     return out
 
 
-def reflect_in_grooves(setup: Setup, i: Array, azimuth: Array, left: Array, right: Array, where: Array) -> Array:
+def reflect_in_grooves(setup: Setup, i: Array, u: Array, v: Array, right: Array, where: Array) -> Array:
     """Send one ray from `i` into each groove and return where it leaves, (N, 3).
 
     Mirrors keep the component along the groove, so only the plane across it needs following ([L18], Section 4).
@@ -301,14 +307,14 @@ def reflect_in_grooves(setup: Setup, i: Array, azimuth: Array, left: Array, righ
         Read for `max_bounces` only.
     i : ndarray (3,)
         Direction towards the light.
-    azimuth, left, right : ndarray (N,)
-        Azimuth of the left facet's normal, radians, and the tangents of both tilts, in [0, inf].
+    u, v : ndarray (N,)
+        Slope of the left facet; its direction is the groove's azimuth.
+    right : ndarray (N,)
+        Tangent of the right facet's tilt.
     where : ndarray (N,)
         In [0, 1]: where the ray crosses the opening.
     """
-    with np.errstate(divide="ignore"):
-        a, b = np.arctan(1.0 / left), np.arctan(1.0 / right)
-    return _leave_grooves(i, azimuth, a, b, where, setup.max_bounces or 0)
+    return _leave_grooves(i, u, v, right, where, setup.max_bounces or 0)
 
 
 def mirror_pdf(kernel_module: Any, setup: Setup, theta_i: Array, theta_o: Array, phi: Array, phi_i: Array) -> Array:

@@ -6,6 +6,7 @@ import numpy as np
 
 from brdftab.models.microfacet.masking import MASKINGS
 from brdftab.models.microfacet.single import evaluate_points
+from brdftab.models.microfacet.single_table import SingleBounceTable, build
 from brdftab.models.setup import Setup
 
 
@@ -21,3 +22,8 @@ def points(
 ) -> np.ndarray:
     """Evaluate at N pairs of directions (radians); returns (N, 1, C) in 1/sr, exact for any `tolerance`."""
     return evaluate_points(setup, MASKINGS[setup.values["masking"]], theta_i, theta_o, phi, phi_i)
+
+
+def prepare(setup: Setup, tolerance: float) -> SingleBounceTable | None:
+    """Return the fast product-grid table of an isotropic setup, or None where only `points` holds the tolerance."""
+    return build(setup, MASKINGS[setup.values["masking"]], tolerance)

@@ -13,6 +13,7 @@ from brdftab.models.microfacet.fresnel import multiply_chain, multiply_long_chai
 from brdftab.models.microfacet.groove2d import beam_even, beam_odd
 from brdftab.models.microfacet.logfresnel import add_products, power_sums, spread_sums
 from brdftab.models.microfacet.ndf import density, opposite_norm
+from brdftab.models.microfacet.tail import tail_node, tail_power
 from brdftab.models.vgroove_nonsym.panels import left_tilt, panel_edges
 
 PI = math.pi
@@ -214,6 +215,7 @@ def add_bounces(big_m, small_m, ndf, shape, shift, k_explicit, k_cap, tail, rule
     Order k goes to layer min(k, P) - 1. Parameters as in `add_order`.
     """
     layers = acc.shape[0]
+    power = tail_power(ndf, shape)
     total = 0.0
     for family in range(4):
         odd = (family & 1) == 1
@@ -234,8 +236,8 @@ def add_bounces(big_m, small_m, ndf, shape, shift, k_explicit, k_cap, tail, rule
         x0 = 1.0 / min(end, k_cap + 1.0 - (k_cap - k) % 2)
         x1 = 1.0 / (k - 1.0)
         for q in range(tail.shape[1]):
-            x = x0 + (x1 - x0) * tail[0, q]
-            weight = 0.5 * (x1 - x0) * tail[1, q] / (x * x)
+            x, dx = tail_node(power, x0, x1, tail[0, q])
+            weight = 0.5 * dx * tail[1, q] / (x * x)
             total += add_order(
                 t, u, 1.0 / x, odd, False, weight, ndf, shape, shift, rule, fresnel, big_l, series, work, acc[layers - 1]
             )

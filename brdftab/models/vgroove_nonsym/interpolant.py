@@ -14,9 +14,10 @@ import numba
 import numpy as np
 
 from brdftab.jit import kernel, parallel_kernel
+from brdftab.materials.fresnel import Fresnel
 from brdftab.models.microfacet.frame import groove_plane, pair
 from brdftab.models.microfacet.logfresnel import fit
-from brdftab.models.microfacet.project import arguments, unit_gauss
+from brdftab.models.microfacet.project import arguments, thinned, unit_gauss
 from brdftab.models.setup import Setup
 from brdftab.models.vgroove_nonsym.bounces import NODES, add_bounces
 from brdftab.models.vgroove_nonsym.first_order import mean_masking
@@ -46,7 +47,7 @@ def _peak_shift(d, shape):
 
 
 @parallel_kernel
-def _build(order, ndf, shape, k_explicit, k_cap, tail, gauss, fresnel, coefficients, powers, weights, inverse, grid):
+def _build(order, ndf, shape, k_explicit, k_cap, tail, gauss, arguments(fresnel, 0.0), coefficients, powers, weights, inverse, grid):
     rows, columns, _ = grid.shape
     channels = weights.shape[1]
     for index in numba.prange(rows):
@@ -211,31 +212,28 @@ class Interpolant:
     ----------
     setup : Setup
         Isotropic, Beckmann or GGX.
-    tolerance : float
-        Relative error asked; the look-up tables are chosen by it, the grid is fixed (about 5e-4 at worst).
+    fresnel : Fresnel
+        Reflectance of orders two and above, maybe with fewer wavelengths than the setup's.
     coefficients : ndarray (W, P)
         Polynomial of log F from `logfresnel.fit`.
     """
 
-    def __init__(self, setup: Setup, tolerance: float, coefficients: np.ndarray) -> None:
-        assert setup.fresnel is not None
-        weights = np.ascontiguousarray(setup.fresnel.weights)
-        kind, a, b, table = arguments(setup.fresnel, tolerance)
+    def __init__(self, setup: Setup, fresnel: Fresnel, coefficients: np.ndarray) -> None:
+        weights = np.ascontiguousarray(fresnel.weights)
         k_cap = 2_000_000_000 if setup.max_bounces is None else setup.max_bounces
         # nodes in L that leave out 0, where the ratio is known to be 1, and include 1
         n = np.arange(1, LENGTHS + 1)
         lengths = (0.5 * (1.0 - np.cos(np.pi * n / LENGTHS))) ** 2
         inverse = np.linalg.inv(np.sqrt(lengths)[:, None] ** n[None, :])
         powers = np.ascontiguousarray(lengths[None, :] ** np.arange(1, coefficients.shape[1] + 1)[:, None])
-        entries = 1 if kind == 0 else 1 + LENGTHS * weights.shape[1]
+        entries = 1 if fresnel.kind == 0 else 1 + LENGTHS * weights.shape[1]
         grid = np.empty((ROWS, COLUMNS, entries))
         many_bounces = k_cap >= 2
         if many_bounces:
             order = np.random.default_rng(0).permutation(ROWS)
-            fresnel = (kind, a, b, table)
             ndf, shape, tail, gauss = setup.ndf, setup.alpha_x, unit_gauss(3), unit_gauss(5)
             _build(
-                order, ndf, shape, 16, k_cap, tail, gauss, fresnel, coefficients, powers, weights, inverse, grid
+                order, ndf, shape, 16, k_cap, tail, gauss, arguments(fresnel, 0.0), coefficients, powers, weights, inverse, grid
             )
         full = weights.sum(axis=0)
         self._arguments = (
@@ -263,14 +261,15 @@ class Interpolant:
 def build(setup: Setup, tolerance: float) -> Interpolant | None:
     """Return an interpolant where it can hold the tolerance, else None (then evaluate directly)."""
     assert setup.fresnel is not None
-    if setup.ndf == 2 or not setup.isotropic or tolerance < REACH or not 0.02 <= setup.alpha_x <= 4.0:
+    if setup.ndf == 2 or not setup.isotropic or tolerance < REACH or not 0.02 <= setup.alpha_x <= 2.0:
         return None
     if setup.fresnel.kind == 0:
-        return Interpolant(setup, tolerance, np.zeros((1, 0)))
-    coefficients = fit(setup.fresnel, 0.05 * tolerance)
+        return Interpolant(setup, setup.fresnel, np.zeros((1, 0)))
+    fresnel = thinned(setup, 0.3 * tolerance)
+    coefficients = fit(fresnel, 0.05 * tolerance)
     if coefficients is None:
         return None
-    return Interpolant(setup, tolerance, coefficients)
+    return Interpolant(setup, fresnel, coefficients)
 
 
 def _projected_table(setup: Setup) -> np.ndarray:

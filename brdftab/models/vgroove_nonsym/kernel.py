@@ -137,3 +137,10 @@ def points(
     out = np.empty((theta_i.size, layers, len(setup.channels)))
     _points(theta_i, theta_o, phi, phi_i, *arrays(setup, tolerance), out)
     return out
+
+
+def prepare(setup: Setup, tolerance: float) -> Any:
+    """Return the interpolant that serves isotropic tables at loose tolerance, or None (then evaluate directly)."""
+    from brdftab.models.vgroove_nonsym.interpolant import build
+
+    return build(setup, tolerance)

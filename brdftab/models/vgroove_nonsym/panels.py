@@ -204,6 +204,13 @@ def panel_edges(t, u, k, odd, ndf, shape, fine, depth_limit, cuts, edges):
             n = scale_cuts(0.5 * shape, 4.0, 8, l0, slope, cuts, n)
         elif shape < 0.6:
             n = scale_cuts(shape, 4.0, 4, l0, slope, cuts, n)
+    elif ndf == 0 and shape > 1.2:
+        # broad lobes are flat up to tan = alpha and then fall at once: no parabola describes them
+        far = math.atan(6.4 * shape)
+        low, high = max(low, (l0 - far) / slope), min(high, far)
+        if high - low < TINY:
+            return 0
+        n = scale_cuts(0.25 * shape, 1.6 if fine else 2.56, 7 if fine else 4, l0, slope, cuts, n)
     elif ndf == 0 or shape > 4.0:
         low, high, n = peak_cuts(ndf, shape, l0, slope, low, high, depth_limit, cuts, n)
         if high - low < TINY:

@@ -50,11 +50,10 @@ def sample(
         False where the path has more bounces than `max_bounces`; all true without that cap.
     """
     u, v = facet_slopes(setup, n, rng)
-    azimuth = np.arctan2(v, u)
-    # alpha along the groove's azimuth; the two are equal for Phong
-    alpha = 1.0 / np.hypot(np.cos(azimuth) / setup.alpha_x, np.sin(azimuth) / setup.alpha_y)
+    # alpha along the groove's azimuth: 1/alpha^2 = cos^2/alpha_x^2 + sin^2/alpha_y^2
+    alpha = np.hypot(u, v) / np.maximum(np.hypot(u / setup.alpha_x, v / setup.alpha_y), 1e-300)
     beside = alpha * tangents_beside(setup, n, rng)
-    ways = reflect_in_grooves(setup, unit(theta_i, phi_i), azimuth, np.hypot(u, v), beside, rng.random(n))
+    ways = reflect_in_grooves(setup, unit(theta_i, phi_i), u, v, beside, rng.random(n))
     return angles(ways)
 
 

@@ -14,6 +14,7 @@ from brdftab.jit import kernel
 from brdftab.models.microfacet.fresnel import multiply_chain, multiply_long_chain
 from brdftab.models.microfacet.groove2d import beam_symmetric
 from brdftab.models.microfacet.ndf import density
+from brdftab.models.microfacet.tail import tail_node, tail_power
 
 PI = math.pi
 # terms below exp(-45) of the largest exponent met so far cannot change a float64 sum
@@ -126,6 +127,7 @@ def _add_tail(ends, angles, big_l, ndf, shape, prefactor, fresnel, gauss, row, a
     kind, a, b, table = fresnel
     layer = acc.shape[0] - 1
     low, high = 1.0 / k_last, 1.0 / k_first
+    power = tail_power(ndf, shape)
     cut1 = min(max(kink / reach, low), high)
     cut2 = min(max(kink_high / reach, low), high)
     for panel in range(3):
@@ -134,14 +136,14 @@ def _add_tail(ends, angles, big_l, ndf, shape, prefactor, fresnel, gauss, row, a
         if x1 - x0 <= 1e-15:
             continue
         for q in range(gauss.shape[1]):
-            x = x0 + (x1 - x0) * gauss[0, q]
+            x, dx = tail_node(power if panel == 0 else 1.0, x0, x1, gauss[0, q])
             y = reach * x
             s, c = math.sin(y), math.cos(y)
             beam = beam_symmetric(s, c, sin_t, cos_t, sin_q, cos_q)
             if beam <= 0.0:
                 continue
             # dk/2 = dx/(2 x^2) and the term's own 1/k = x
-            value = prefactor * density(ndf, shape, s, c) * beam * c * 0.5 * (x1 - x0) * gauss[1, q] / x
+            value = prefactor * density(ndf, shape, s, c) * beam * c * 0.5 * dx * gauss[1, q] / x
             if kind == 0:
                 acc[layer, 0] += value
                 continue

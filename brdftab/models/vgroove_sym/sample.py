@@ -47,8 +47,7 @@ def sample(
         False where the path has more bounces than `max_bounces`; all true without that cap.
     """
     u, v = facet_slopes(setup, n, rng)
-    tilt = np.hypot(u, v)
-    ways = reflect_in_grooves(setup, unit(theta_i, phi_i), np.arctan2(v, u), tilt, tilt, rng.random(n))
+    ways = reflect_in_grooves(setup, unit(theta_i, phi_i), u, v, np.hypot(u, v), rng.random(n))
     return angles(ways)
 
 

@@ -1,0 +1,60 @@
+"""The command line: one thin function a command; everything heavy is imported inside."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from typing import Any
+
+import click
+
+from brdftab._version import __version__
+from brdftab.errors import BrdftabError
+
+_COMMANDS = {
+    "compare": "brdftab.cli.files:compare",
+    "eval": "brdftab.cli.values:evaluate",
+    "info": "brdftab.cli.files:info",
+    "models": "brdftab.cli.registry:models",
+    "tabulate": "brdftab.cli.values:tabulate",
+    "verify": "brdftab.cli.files:verify",
+}
+
+
+class _Group(click.Group):
+    """Loads a command's module when it is named, and turns expected errors into one line and exit status 2."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return sorted(_COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in _COMMANDS:
+            return None
+        module, name = _COMMANDS[cmd_name].split(":")
+        return getattr(importlib.import_module(module), name)  # type: ignore[no-any-return]
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except BrdftabError as error:
+            message = " ".join(str(error).split())
+            click.echo(f"Error: {message}", err=True)
+            ctx.exit(2)
+        except MemoryError:
+            click.echo("Error: the table does not fit into memory; ask for a smaller --grid or float32", err=True)
+            ctx.exit(2)
+        except BrokenPipeError:
+            # the reader of our output went away: nothing is left to tell it
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            ctx.exit(1)
+
+
+@click.group(
+    cls=_Group,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+    epilog="\b\nExample:\n  brdftab tabulate --model vgroove-nonsym --out gold.exr --out gold.npz",
+)
+@click.version_option(__version__, prog_name="brdftab")
+def main() -> None:
+    """Tabulate, compare and check BRDF models: right to many digits, with the error and the cost stated."""

@@ -1,0 +1,225 @@
+"""Commands that evaluate models: ``eval`` and ``tabulate``."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import sys
+import time
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from brdftab.cli.options import given_parameters, model_options
+
+if TYPE_CHECKING:
+    from brdftab.table import Table
+
+_json = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
+_components = click.option("--components", is_flag=True, help="Also give each component (bounce order, ...) apart.")
+
+
+def _tell_compiling(model: str) -> None:
+    """Say once, on stderr, that kernels are about to be compiled."""
+    from brdftab.jit import has_compiled
+    from brdftab.models import kernel
+
+    if not has_compiled(kernel(model).__name__) and not any(
+        has_compiled(part) for part in ("single", "single_table", "table", "interpolant") if model != "lambert"
+    ):
+        click.echo(
+            f"brdftab: compiling kernels for {model}: the first run takes up to a minute, later ones start at once", err=True
+        )
+
+
+@click.command(
+    "eval",
+    epilog="\b\nExample:\n  brdftab eval --model vgroove-nonsym --ndf ggx --alpha 0.3 --theta-i 30 --theta-o 40 --phi 180 --json",
+)
+@model_options
+@click.option("--theta-i", "theta_i", type=float, required=True, help="Polar angle of the light [degrees].")
+@click.option("--theta-o", "theta_o", type=float, required=True, help="Polar angle of the view [degrees].")
+@click.option("--phi", type=float, required=True, help="phi_o - phi_i [degrees]; 180 is the mirror side.")
+@click.option("--phi-i", "phi_i", type=float, default=0.0, help="Azimuth of the light [degrees; default: 0].")
+@click.option("--tolerance", type=float, default=1e-9, help="Relative error asked [default: 1e-9].")
+@_components
+@_json
+def evaluate(
+    model: str,
+    theta_i: float,
+    theta_o: float,
+    phi: float,
+    phi_i: float,
+    tolerance: float,
+    components: bool,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Evaluate a model at one pair of directions: value per channel and component, error, run time."""
+    from brdftab.evaluation import evaluate_point
+    from brdftab.models.setup import resolve
+
+    setup = resolve(model, **given_parameters(model, options))
+    _tell_compiling(model)
+    angles = [math.radians(x) for x in (theta_i, theta_o, phi, phi_i)]
+    result = evaluate_point(setup, *angles, tolerance=tolerance, components=components)
+    if as_json:
+        click.echo(json.dumps(result, indent=2, allow_nan=False))
+        return
+    click.echo(f"{model}  theta_i {theta_i:g}  theta_o {theta_o:g}  phi {phi:g}  phi_i {phi_i:g} degrees, f in 1/sr")
+    click.echo(f"{'':<14}" + "".join(f"{c:>18}" for c in result["channels"]))
+    rows = {"value": result["value"], **(result["components"] or {})}
+    for name, values in rows.items():
+        click.echo(f"{name:<14}" + "".join(f"{v:>18.10g}" for v in values))
+    click.echo(f"estimated relative error {result['error']:.1e}, run time {result['run_time_s'] * 1e3:.3g} ms")
+
+
+_AXIS = "start:stop:count or a,b,c [degrees]"
+
+
+@click.command(
+    epilog="\b\nExamples:\n"
+    "  brdftab tabulate --model vgroove-nonsym\n"
+    "  brdftab tabulate --model smith --ndf ggx --alpha 0.3 --material Cu --grid 45x45x90 --out copper.npz\n"
+    "  brdftab tabulate --model vgroove-sym --alpha-x 0.1 --alpha-y 0.4 --grid 12x24x12x24 --components\n"
+    "  brdftab tabulate --model cook-torrance --theta-i 10,30,60 --theta-o 0:80:17 --phi 0:180:37 --cell point"
+)
+@model_options
+@click.option("--grid", metavar="IxOxP", help="Cells, theta_i x theta_o x phi (or four) [default: 90x90x180].")
+@click.option("--theta-i", "theta_i", metavar="AXIS", help=f"Positions instead of --grid: {_AXIS}.")
+@click.option("--theta-o", "theta_o", metavar="AXIS", help="Positions [default: those of theta_i].")
+@click.option("--phi", metavar="AXIS", help="Positions of phi_o - phi_i [default: 180 cells].")
+@click.option("--phi-i", "phi_i", metavar="AXIS", help="Positions of the light's azimuth, for four axes.")
+@click.option("--phi-o", "phi_o", metavar="AXIS", help="Positions of the view's azimuth, for four axes.")
+@click.option(
+    "--out", "outs", multiple=True, metavar="FILE", help="Output, .exr or .npz; may be repeated [default: MODEL.exr]."
+)
+@click.option("--cell", type=click.Choice(["center", "average", "point"]), help="What a cell holds [default: center].")
+@click.option("--dtype", type=click.Choice(["float32", "float64"]), default="float32", help="Stored type [default: float32].")
+@click.option("--tolerance", type=float, default=1e-3, help="Relative error asked [default: 1e-3].")
+@_components
+@click.option("--threads", type=int, help="Threads [default: all].")
+@click.option("--overwrite", is_flag=True, help="Replace existing outputs.")
+@_json
+def tabulate(
+    model: str,
+    grid: str | None,
+    outs: tuple[str, ...],
+    cell: str | None,
+    dtype: str,
+    tolerance: float,
+    components: bool,
+    threads: int | None,
+    overwrite: bool,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Tabulate a model on a grid and write it, with its error and its cost, to EXR or NPZ files."""
+    from brdftab.errors import ParameterError
+    from brdftab.io import check_output, write
+    from brdftab.models.setup import resolve
+
+    started = time.perf_counter()
+    axes = {name: options.pop(name) for name in ("theta_i", "theta_o", "phi", "phi_i", "phi_o")}
+    axes = {name: value for name, value in axes.items() if value is not None}
+    if axes and grid is not None:
+        raise ParameterError(f"grid = {grid} and {', '.join(axes)} exclude each other; give --grid or the axes")
+    if axes and "theta_i" not in axes:
+        raise ParameterError(f"{', '.join(axes)} need theta_i beside them; give --theta-i, as 0.5:89.5:90")
+    parameters = given_parameters(model, options)
+    resolve(model, **parameters)
+    paths = outs or (f"{model}.exr",)
+    if len(set(paths)) != len(paths):
+        raise ParameterError(f"out = {', '.join(paths)} names a file twice; give each once")
+    for path in paths:
+        check_output(path, overwrite=overwrite)
+    _tell_compiling(model)
+    from brdftab.tabulation import tabulate as run
+
+    with _progress() as report:
+        table = run(
+            model,
+            axes or grid,
+            cell=cell,
+            dtype=dtype,
+            tolerance=tolerance,
+            components=components,
+            threads=threads,
+            progress=report,
+            **parameters,
+        )
+    for path in paths:
+        write(table, path, overwrite=overwrite)
+    _summary(table, paths, time.perf_counter() - started, as_json)
+
+
+@contextlib.contextmanager
+def _progress() -> Iterator[Callable[[float], None] | None]:
+    """Show a progress bar on stderr when it is a terminal."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("tabulating", total=1.0)
+        yield lambda share: bar.update(task, completed=share)
+
+
+def _summary(table: Table, paths: tuple[str, ...], wall: float, as_json: bool) -> None:
+    """Print what was made: shape, parameters, albedo, error, cost, files."""
+    made = table.provenance
+    error, albedo = made["error"], made["albedo"]
+    if as_json:
+        facts = {
+            "model": made["model"],
+            "parameters": made["parameters"],
+            "shape": list(table.values.shape),
+            "axes": list(table.grid.axis_names),
+            "cell": table.grid.cell,
+            "dtype": str(table.dtype),
+            "channels": list(table.channels),
+            "components": list(table.components),
+            "albedo": albedo,
+            "error": error,
+            "energy_left_out": made["energy_left_out"],
+            "kernel_time_s": made["kernel_time_s"],
+            "compile_time_s": made["compile_time_s"],
+            "total_time_s": made["total_time_s"],
+            "wall_time_s": wall,
+            "cells_per_s": made["cells_per_s"],
+            "files": list(paths),
+        }
+        click.echo(json.dumps(facts, indent=2, allow_nan=False))
+    else:
+        shape = " x ".join(f"{n} {name}" for n, name in zip(table.grid.shape, table.grid.axis_names, strict=True))
+        click.echo(f"model        {made['model']}")
+        click.echo("parameters   " + ", ".join(f"{k} = {_short(v)}" for k, v in made["parameters"].items()))
+        click.echo(f"table        {shape}, cell = {table.grid.cell}, {table.dtype}, channels {' '.join(table.channels)}")
+        if table.components:
+            click.echo(f"components   {' '.join(table.components)}")
+        for angle, values in zip(albedo["theta_i_degrees"], albedo["values"], strict=True):
+            click.echo(f"albedo {angle:>4g}  " + "  ".join(f"{v:.5f}" for v in values))
+        if made["energy_left_out"]:
+            for angle, values in zip(albedo["theta_i_degrees"], made["energy_left_out"]["values"], strict=True):
+                click.echo(f"left out {angle:>2g}  " + "  ".join(f"{v:.2e}" for v in values))
+        click.echo(f"error        {error['estimate']:.1e} estimated (95 % of cells below {error['p95']:.1e})")
+        click.echo(
+            f"run time     {made['kernel_time_s']:.3f} s in kernels, {wall:.2f} s in all, {made['cells_per_s']:.3g} cells/s"
+        )
+        for path in paths:
+            click.echo(f"wrote        {path}")
+    if not error["met"]:
+        click.echo(
+            f"Warning: the estimated error {error['estimate']:.1e} exceeds tolerance {error['tolerance']:g}: {error['reason']}",
+            err=True,
+        )
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, list):
+        return ",".join(f"{v:g}" for v in value)
+    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,114 @@
+"""How a setup is evaluated in bulk: a model's prepared fast path where it has one, else its points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brdftab import models
+from brdftab.models.setup import Setup, component_names
+
+Array = NDArray[np.float64]
+Progress = Callable[[float], None]
+BLOCK = 1 << 15
+
+
+class Prepared(Protocol):
+    """What a model's ``prepare`` returns: fast evaluation of one isotropic setup at one tolerance."""
+
+    def points(self, theta_i: Array, theta_o: Array, phi: Array, phi_i: Array) -> Array:
+        """Return (N, 1, C) in 1/sr at N pairs of directions, radians."""
+
+    def fill(self, theta_i: Array, theta_o: Array, phi: Array, square: bool, out: NDArray[np.floating]) -> None:
+        """Fill out (I, O, P, C) on a product grid, half of it by reciprocity when both theta axes are identical."""
+
+
+class Engine:
+    """Evaluates one setup on points and product grids.
+
+    Parameters
+    ----------
+    setup : Setup
+        A checked setup.
+    tolerance : float
+        Relative error asked.
+    orders : int
+        0 for the total; else the components are kept apart.
+    fast : bool
+        Allow the model's prepared path.
+    """
+
+    def __init__(self, setup: Setup, tolerance: float, orders: int = 0, fast: bool = True) -> None:
+        self.setup = setup
+        self.tolerance = tolerance
+        self.orders = orders
+        self.layers = len(component_names(setup, orders)) if orders else 1
+        self._module = models.kernel(setup.model.name)
+        prepare = getattr(self._module, "prepare", None)
+        self._prepared: Prepared | None = None
+        if fast and prepare is not None and orders == 0 and setup.isotropic:
+            self._prepared = prepare(setup, tolerance)
+
+    @property
+    def is_fast(self) -> bool:
+        """True when the model's prepared path is in use."""
+        return self._prepared is not None
+
+    def points(self, theta_i: Array, theta_o: Array, phi: Array, phi_i: Array) -> Array:
+        """Return (N, P, C) in 1/sr at N pairs of directions, 1-D arrays in radians."""
+        if self._prepared is not None:
+            return self._prepared.points(theta_i, theta_o, phi, phi_i)
+        return self._module.points(
+            self.setup, theta_i, theta_o, phi, phi_i, orders=self.orders, tolerance=self.tolerance
+        )
+
+    def fill(
+        self, theta_i: Array, theta_o: Array, phi: Array, out: NDArray[np.floating], progress: Progress | None = None
+    ) -> None:
+        """Fill out (P, I, O, K, C) on an isotropic product grid; identical theta axes are computed half."""
+        square = bool(np.array_equal(theta_i, theta_o))
+        if self._prepared is not None:
+            self._prepared.fill(theta_i, theta_o, phi, square, out[0])
+            return
+        rows, columns, steps = theta_i.size, theta_o.size, phi.size
+        pairs = [(i, o) for i in range(rows) for o in range(i + 1 if square else columns)]
+        size = max(1, BLOCK // steps)
+        for start in range(0, len(pairs), size):
+            i, o = np.array(pairs[start : start + size]).T
+            shape = (i.size, steps)
+            angles = (np.broadcast_to(a, shape).reshape(-1) for a in (theta_i[i, None], theta_o[o, None], phi))
+            ti, to, ph = (np.ascontiguousarray(a) for a in angles)
+            values = self.points(ti, to, ph, np.zeros_like(ti)).reshape(i.size, steps, self.layers, -1)
+            values = values.transpose(2, 0, 1, 3)
+            out[:, i, o] = values
+            if square:
+                out[:, o, i] = values
+            if progress is not None:
+                progress(min(1.0, (start + size) / len(pairs)))
+
+    def fill_azimuths(
+        self, incoming: Array, outgoing: Array, out: NDArray[np.floating], progress: Progress | None = None
+    ) -> None:
+        """Fill out (P, N, M, C) for all pairs of listed directions (n, 2) of theta and azimuth.
+
+        Identical lists are computed half.
+        """
+        square = bool(np.array_equal(incoming, outgoing))
+        rows, columns = len(incoming), len(outgoing)
+        size = max(1, BLOCK // columns)
+        for start in range(0, rows, size):
+            a = np.arange(start, min(start + size, rows))
+            i, o = np.meshgrid(a, np.arange(a[-1] + 1 if square else columns), indexing="ij")
+            i, o = i.reshape(-1), o.reshape(-1)
+            ti, az = np.ascontiguousarray(incoming[i, 0]), np.ascontiguousarray(incoming[i, 1])
+            to, phi = np.ascontiguousarray(outgoing[o, 0]), outgoing[o, 1] - az
+            values = self.points(ti, to, phi, az).transpose(1, 0, 2)
+            if square:
+                # the mirrored half first, so that the diagonal keeps one value
+                out[:, o, i] = values
+            out[:, i, o] = values
+            if progress is not None:
+                progress((a[-1] + 1.0) / rows)

@@ -1,0 +1,171 @@
+"""One row of a single-bounce table, all azimuths of a pair of polar angles, in loops that vectorise.
+
+With t = tan^2(theta_h) = tan^2((theta_i - theta_o)/2) + 2 s_i s_o (1 + cos phi)/(c_i + c_o)^2, where no term cancels, and
+q = 1 + t = 1/cos^2(theta_h): i.h = (c_i + c_o) sqrt(q)/2, GGX is a^2 q^2/(pi (a^2 + t)^2), Beckmann exp(-t/a^2) q^2/(pi a^2)
+and Phong (n + 2)/(2 pi) q^(-n/2). Masking over 4 c_i c_o is min(u, v/q), v = inf but in V-cavities.
+
+A loop works in the type of its arrays, so constants come in arrays too: a literal would widen float32 to float64.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from brdftab.jit import kernel
+
+LOG2_E = 1.4426950408889634
+LN2_HIGH = 6.93147180369123816490e-01
+LN2_LOW = 1.90821492927058770002e-10
+# 1.5 * 2^52: adding it leaves the nearest integer in the last bits of a float64
+ROUND = 6755399441055744.0
+SQRT_HALF_BITS = 0x3FE6A09E667F3BCD
+# the reference NDFs are cut at the same depth
+DEEPEST = 700.0
+
+
+@kernel
+def exponential(x):
+    """Return exp(x) for |x| <= 700, to 3e-16: Cody and Waite's reduction and a Taylor polynomial; vectorises."""
+    shifted = x * LOG2_E + ROUND
+    whole = shifted - ROUND
+    r = (x - whole * LN2_HIGH) - whole * LN2_LOW
+    p = 1.0 / 479001600.0
+    p = p * r + 1.0 / 39916800.0
+    p = p * r + 1.0 / 3628800.0
+    p = p * r + 1.0 / 362880.0
+    p = p * r + 1.0 / 40320.0
+    p = p * r + 1.0 / 5040.0
+    p = p * r + 1.0 / 720.0
+    p = p * r + 1.0 / 120.0
+    p = p * r + 1.0 / 24.0
+    p = p * r + 1.0 / 6.0
+    p = p * r + 0.5
+    p = p * r + 1.0
+    p = p * r + 1.0
+    scale = (np.float64(shifted).view(np.int64) << 52) + (1023 << 52)
+    return p * np.int64(scale).view(np.float64)
+
+
+@kernel
+def log_one_plus(t):
+    """Return log(1 + t) for t >= 0, to 4e-16 relative: the atanh series of fdlibm; vectorises."""
+    q = 1.0 + t
+    bits = np.float64(q).view(np.int64)
+    k = (bits - SQRT_HALF_BITS) >> 52
+    f = np.int64(bits - (k << 52)).view(np.float64) - 1.0
+    s = f / (2.0 + f)
+    z = s * s
+    p = 2.0 / 19.0
+    p = p * z + 2.0 / 17.0
+    p = p * z + 2.0 / 15.0
+    p = p * z + 2.0 / 13.0
+    p = p * z + 2.0 / 11.0
+    p = p * z + 2.0 / 9.0
+    p = p * z + 2.0 / 7.0
+    p = p * z + 2.0 / 5.0
+    p = p * z + 2.0 / 3.0
+    # log(1 + f) = f - s (f - z p); the last term is what rounding took from 1 + t
+    low = k * LN2_LOW + (t - (q - 1.0)) / q
+    return k * LN2_HIGH + ((f - s * (f - z * p)) + low)
+
+
+@kernel
+def ggx_row(constants, pair, squares, weight, q):
+    """Write D G/(4 c_i c_o) and q; `squares` is 1 + cos phi, `pair` is tan^2, slope, u, v (u, v times a^2/pi)."""
+    one, a2 = constants[0], constants[1]
+    first, slope, u, v = pair[0], pair[1], pair[2], pair[3]
+    for p in range(squares.size):
+        t = first + slope * squares[p]
+        up = one + t
+        r = one / (a2 + t)
+        d = up * r
+        weight[p] = d * min(u * d, v * r)
+        q[p] = up
+
+
+@kernel
+def beckmann_row(inverse, first, slope, u, v, squares, weight, q):
+    """Write D G/(4 c_i c_o) and q in float64; `inverse` is 1/a^2, and u, v are times 1/(pi a^2)."""
+    for p in range(squares.size):
+        t = first + slope * squares[p]
+        up = 1.0 + t
+        e = t * inverse
+        value = exponential(-min(e, 700.0)) * up * min(u * up, v)
+        weight[p] = 0.0 if e > 700.0 else value
+        q[p] = up
+
+
+@kernel
+def phong_row(half, first, slope, u, v, squares, weight, q):
+    """Write D G/(4 c_i c_o) and q in float64; `half` is n/2, and u, v are times (n + 2)/(2 pi)."""
+    for p in range(squares.size):
+        t = first + slope * squares[p]
+        up = 1.0 + t
+        e = half * log_one_plus(t)
+        value = exponential(-min(e, 700.0)) * min(u, v / up)
+        weight[p] = 0.0 if e > 700.0 else value
+        q[p] = up
+
+
+@kernel
+def cosine_row(constants, half, q):
+    """Turn q in place into the variable of the reflectance polynomials, a Moebius map of i.h to [-1, 1]."""
+    m1, m0, d1, d0 = constants[2], constants[3], constants[4], constants[5]
+    h = half[4]
+    for p in range(q.size):
+        c = h * math.sqrt(q[p])
+        q[p] = (m1 * c + m0) / (d1 * c + d0)
+
+
+@kernel
+def _horner12(k, x, out):
+    """Write the polynomial of the first 13 coefficients, highest power first."""
+    a, b, c, d, e, f, g = k[0], k[1], k[2], k[3], k[4], k[5], k[6]
+    h, i, j, l, m, n = k[7], k[8], k[9], k[10], k[11], k[12]
+    for p in range(x.size):
+        y = x[p]
+        s = ((((((a * y + b) * y + c) * y + d) * y + e) * y + f) * y + g) * y + h
+        out[p] = ((((s * y + i) * y + j) * y + l) * y + m) * y + n
+
+
+@kernel
+def _horner6(k, at, x, out):
+    """Go on with six further coefficients."""
+    a, b, c, d, e, f = k[at], k[at + 1], k[at + 2], k[at + 3], k[at + 4], k[at + 5]
+    for p in range(x.size):
+        y = x[p]
+        out[p] = (((((out[p] * y + a) * y + b) * y + c) * y + d) * y + e) * y + f
+
+
+@kernel
+def reflect(coefficients, x, rows):
+    """Write the polynomials (C, 13 + 6 j), highest power first, at x to the rows (C, P)."""
+    for c in range(rows.shape[0]):
+        k, row = coefficients[c], rows[c]
+        _horner12(k, x, row)
+        for at in range(13, k.size, 6):
+            _horner6(k, at, x, row)
+
+
+@kernel
+def _interleave3(weight, r, g, b, count, out):
+    for p in range(count):
+        w = weight[p]
+        out[3 * p] = w * r[p]
+        out[3 * p + 1] = w * g[p]
+        out[3 * p + 2] = w * b[p]
+
+
+@kernel
+def interleave(weight, rows, count, out):
+    """Write weight times each channel's row to out (count C), channel fastest."""
+    channels = rows.shape[0]
+    if channels == 3:
+        _interleave3(weight, rows[0], rows[1], rows[2], count, out)
+        return
+    for c in range(channels):
+        row = rows[c]
+        for p in range(count):
+            out[channels * p + c] = weight[p] * row[p]

@@ -1,0 +1,592 @@
+"""Fast isotropic tables of the symmetric groove: the closed form of every order, on many azimuths at a time.
+
+The azimuths of one pair of polar angles are worked through in chunks. What does not depend on the wavelength (frame,
+beam, distribution) is computed for a whole chunk by loops that the compiler turns into vector code; the reflectances of
+one cell are computed for all wavelengths together. With x_j the angles of the bounces, which are evenly spaced, the
+sum of log F(L sin x_j) over a long chain is its Euler-Maclaurin expansion about the integral, whose coefficients are the
+same for every order of one parity and side of the groove.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numba
+import numpy as np
+
+from brdftab.jit import kernel, parallel_kernel
+from brdftab.materials.fresnel import CONDUCTOR, MIRROR, SCHLICK, Fresnel, reflectance
+from brdftab.models.microfacet.frame import pair
+from brdftab.models.microfacet.fresnel import fill_table, multiply_long_chain
+from brdftab.models.microfacet.groove2d import beam_symmetric
+from brdftab.models.microfacet.ndf import density, shape_at
+from brdftab.models.microfacet.project import unit_gauss
+from brdftab.models.setup import Setup
+from brdftab.models.vgroove_sym.bounces import sincos_small, step_tables
+
+PI = math.pi
+HORIZON = 1e-15
+MIRROR_SINE = 1e-14
+NO_CAP = 2_000_000_000
+# the tightest tolerance that the look-up tables and the bounce sum are laid out for
+REACH = 1e-5
+# wavelengths are padded to blocks of this many, so that inner loops have a fixed length
+BLOCK = 8
+# orders up to this one take their reflectances from the look-up table bounce by bounce
+DIRECT = 7
+FIRST_CELLS = 4096
+# cosines down to here enter the expansion of chains longer than DIRECT
+LOWEST_COSINE = -0.3
+
+# one scratch array holds named rows of LANES numbers: fixed distances let the compiler prove that rows do not overlap
+LANES = 96
+CI, CO, SI, SO, HX, HY, OX = (LANES * n for n in range(7))
+I_H, BIG_L, FIRST, FRONT, FAINT, BIG, D, TH, S_BIG, C_BIG, S_SMALL, C_SMALL, Y_MIN = (LANES * n for n in range(7, 20))
+Z, REACHES, LIMIT, END, SIN_T, SIN_Q, SY, CY, VALUE, TOTAL = (LANES * n for n in range(20, 30))
+ROWS = 30
+
+
+@kernel
+def _exp(x):
+    """Return exp(x) for -720 <= x <= 0 as (exp(x/16384))^16384, good to 1e-11: no call, so that loops are vectorised."""
+    y = max(x, -720.0) * (1.0 / 16384.0)
+    e = 1.0 + y * (1.0 + y * (0.5 + y * (1 / 6 + y * (1 / 24 + y * (1 / 120 + y * (1 / 720 + y * (1 / 5040)))))))
+    e *= e
+    e *= e
+    e *= e
+    e *= e
+    e *= e
+    e *= e
+    e *= e
+    e *= e
+    e *= e
+    e *= e
+    e *= e
+    e *= e
+    e *= e
+    e *= e
+    return e
+
+
+@kernel
+def _angle(s, c):
+    """Return the angle in (-pi/2, pi/2) of that sine and cosine: 4 atan of the tangent of its quarter, by series."""
+    u = s / (1.0 + c)
+    u /= 1.0 + math.sqrt(1.0 + u * u)
+    z = u * u
+    a = 1 / 23 - z * (1 / 25 - z * (1 / 27 - z * (1 / 29 - z / 31)))
+    a = 1 / 13 - z * (1 / 15 - z * (1 / 17 - z * (1 / 19 - z * (1 / 21 - z * a))))
+    a = 1.0 - z * (1 / 3 - z * (1 / 5 - z * (1 / 7 - z * (1 / 9 - z * (1 / 11 - z * a)))))
+    return 4.0 * u * a
+
+
+@kernel
+def _frame(n, lanes):
+    """Write groove plane, in-plane angles and geometric factors of n cells (see `frame.groove_plane`)."""
+    for p in range(n):
+        ci, co, hx, hy = lanes[CI + p], lanes[CO + p], lanes[HX + p], lanes[HY + p]
+        length = math.sqrt(hx * hx + hy * hy)
+        inverse = 1.0 / max(length, 1e-300)
+        it, ot = lanes[SI + p] * (hx * inverse), lanes[SO + p] * (lanes[OX + p] * inverse)
+        up = max(ci + co, 1e-300)
+        full = math.sqrt(hx * hx + hy * hy + up * up)
+        li, lo = math.sqrt(it * it + ci * ci), math.sqrt(ot * ot + co * co)
+        inverse_i, inverse_o = 1.0 / max(li, 1e-300), 1.0 / max(lo, 1e-300)
+        st, ct, su, cu = it * inverse_i, ci * inverse_i, ot * inverse_o, co * inverse_o
+        lanes[SY + p] = length / full
+        lanes[CY + p] = up / full
+        lanes[I_H + p] = 0.5 * full
+        lanes[BIG_L + p] = 0.5 * (li + lo)
+        t, u = _angle(st, ct), _angle(su, cu)
+        first = t >= u
+        lanes[BIG + p] = max(t, u)
+        lanes[D + p] = 0.5 * abs(t - u)
+        lanes[TH + p] = 0.5 * (t + u)
+        lanes[S_BIG + p] = st if first else su
+        lanes[C_BIG + p] = ct if first else cu
+        lanes[S_SMALL + p] = su if first else st
+        lanes[C_SMALL + p] = cu if first else ct
+    for p in range(n):
+        ci, co, i_h = lanes[CI + p], lanes[CO + p], lanes[I_H + p]
+        low = min(ci, co)
+        front = 0.25 / (max(ci, HORIZON) * max(co, HORIZON))
+        front = front if low > HORIZON else 0.0
+        lanes[VALUE + p] = front * min(1.0, 2.0 * lanes[CY + p] * low / i_h)
+        sin_h = lanes[SY + p]
+        rest = front * lanes[BIG_L + p] / (i_h * max(sin_h, MIRROR_SINE))
+        lanes[FRONT + p] = rest if sin_h >= MIRROR_SINE else 0.0
+
+
+@kernel
+def _distribute(ndf, shape, low, high, sines, cosines, lanes):
+    """Multiply VALUE by the density of facets whose tilts have these sines and cosines (offsets of two rows)."""
+    if ndf == 0:
+        a2 = 1.0 / (shape * shape)
+        for p in range(low, high):
+            s, c = lanes[sines + p], lanes[cosines + p]
+            c2 = 1.0 / (c * c)
+            e = s * s * c2 * a2
+            value = _exp(-e) * (a2 / PI) * c2 * c2
+            lanes[VALUE + p] *= value if e < 700.0 else 0.0
+    elif ndf == 1:
+        a2 = shape * shape
+        for p in range(low, high):
+            s, c = lanes[sines + p], lanes[cosines + p]
+            d = a2 * c * c + s * s
+            lanes[VALUE + p] *= a2 / (PI * d * d)
+    else:
+        for p in range(low, high):
+            if lanes[VALUE + p] > 0.0:
+                lanes[VALUE + p] *= density(ndf, shape, lanes[cosines + p], lanes[sines + p])
+
+
+@kernel
+def _depths(ndf, shape, depth, n, lanes):
+    """Write the least y whose facets matter: their exponent exceeds the first order's by `depth` at most."""
+    a2 = shape * shape
+    drop = math.exp(-depth / shape)
+    for p in range(n):
+        s, c = lanes[SY + p], lanes[CY + p]
+        if ndf == 0:
+            x = 1.0 / math.sqrt(1.0 + s * s / max(c * c, 1e-300) + depth * a2)
+        else:
+            x = c * drop
+        # asin(x) from below
+        z = x * x
+        y = x * (1.0 + z * (1 / 6 + z * (3 / 40 + z * (5 / 112))))
+        lanes[Y_MIN + p] = 1e-300 if ndf == 1 else max(y, 1e-300)
+
+
+@kernel
+def _family(family, n, lanes):
+    """Write reach, end and signed angles of one parity (bit 0) and side (bit 1) of the groove."""
+    odd = family & 1
+    side = family >= 2
+    sign = -1.0 if side else 1.0
+    for p in range(n):
+        d, th = lanes[D + p], lanes[TH + p]
+        z = th if odd else d
+        reach = 0.5 * PI + sign * z
+        other = d if odd else th
+        limit = max(other if side else lanes[BIG + p], 1e-300)
+        end = reach / max(limit, lanes[Y_MIN + p])
+        lanes[END + p] = end if lanes[FRONT + p] > 0.0 else 0.0
+        lanes[LIMIT + p] = limit
+        lanes[REACHES + p] = reach
+        lanes[Z + p] = sign * z
+        lanes[SIN_T + p] = sign * lanes[S_BIG + p]
+        lanes[SIN_Q + p] = (sign if odd else -sign) * lanes[S_SMALL + p]
+
+
+@kernel
+def _order(ndf, shape, k, sin_k, cos_k, low, high, lanes):
+    """Write D(a) w sin(a)/k of order k to VALUE, and sine and cosine of y to SY and CY."""
+    inverse = 1.0 / k
+    for p in range(low, high):
+        s, c = sincos_small(lanes[Z + p] * inverse)
+        sy, cy = sin_k * c + cos_k * s, cos_k * c - sin_k * s
+        beam = beam_symmetric(sy, cy, lanes[SIN_T + p], lanes[C_BIG + p], lanes[SIN_Q + p], lanes[C_SMALL + p])
+        lanes[SY + p] = sy
+        lanes[CY + p] = cy
+        lanes[VALUE + p] = max(beam, 0.0) * cy * inverse if lanes[END + p] > k else 0.0
+    _distribute(ndf, shape, low, high, CY, SY, lanes)
+
+
+@kernel
+def _times(table, block, cosine, product):
+    """Multiply eight wavelengths by F at a cosine; `table` holds values, then steps, of all wavelengths in each row."""
+    cells = table.shape[0] - 1
+    width = table.shape[1] // 2
+    x = max(cosine, 0.0) * cells
+    i = min(int(x), cells - 1)
+    t = x - i
+    entry = table[i]
+    for w in range(BLOCK):
+        product[w] *= entry[block + w] + t * entry[block + width + w]
+
+
+@kernel
+def _add_chain(table, k, p, lanes, product, sums):
+    """Add VALUE times the product of F over the k bounces of one cell, by look-up."""
+    big_l, value = lanes[BIG_L + p], lanes[VALUE + p]
+    sy, cy, s_big, c_big = lanes[SY + p], lanes[CY + p], lanes[SIN_T + p], lanes[C_BIG + p]
+    first = sy * c_big - cy * s_big
+    last = sy * lanes[C_SMALL + p] - cy * lanes[SIN_Q + p]
+    for block in range(0, table.shape[1] // 2, BLOCK):
+        for w in range(BLOCK):
+            product[w] = value
+        _times(table, block, big_l * first, product)
+        _times(table, block, big_l * last, product)
+        if k > 2:
+            s2, c2 = 2.0 * sy * cy, (cy - sy) * (cy + sy)
+            s, c = first, cy * c_big + sy * s_big
+            for _ in range(k - 2):
+                s, c = s * c2 + c * s2, c * c2 - s * s2
+                _times(table, block, big_l * s, product)
+        for w in range(BLOCK):
+            sums[p, block + w] += product[w]
+
+
+@kernel
+def _expand(coefficients, p, lanes, moments):
+    """Write the coefficients (3, W) of k, 1/k and 1/k^3 in the sum of log F over k bounces (Euler-Maclaurin)."""
+    sa, ca = -lanes[SIN_T + p], lanes[C_BIG + p]
+    sb, cb = -lanes[SIN_Q + p], -lanes[C_SMALL + p]
+    big_l, span = lanes[BIG_L + p], 2.0 * lanes[REACHES + p]
+    size = coefficients.shape[1]
+    out = moments[p]
+    for w in range(size):
+        out[0, w] = 0.0
+        out[1, w] = 0.0
+        out[2, w] = 0.0
+    before, mean = span, ca - cb
+    # sin^(q-1) at both ends, and sin^(q-3)
+    pa, pb, ra, rb = 1.0, 1.0, 0.0, 0.0
+    power = 1.0
+    for q in range(1, coefficients.shape[0] + 1):
+        if q > 1:
+            before, mean = mean, (ca * pa - cb * pb) / q + (q - 1.0) / q * before
+        power *= big_l
+        x0 = power / span * mean
+        x1 = -power * span / 24.0 * q * (cb * pb - ca * pa)
+        third_b = cb * ((q - 1.0) * (q - 2.0) * cb * cb * rb - (3.0 * q - 2.0) * pb)
+        third_a = ca * ((q - 1.0) * (q - 2.0) * ca * ca * ra - (3.0 * q - 2.0) * pa)
+        x3 = power * span * span * span * (7.0 / 5760.0) * q * (third_b - third_a)
+        row = coefficients[q - 1]
+        for w in range(size):
+            out[0, w] += row[w] * x0
+            out[1, w] += row[w] * x1
+            out[2, w] += row[w] * x3
+        ra, rb = (1.0, 1.0) if q == 2 else (ra * sa, rb * sb)
+        pa *= sa
+        pb *= sb
+
+
+@kernel
+def _add_expanded(value, k, expansion, product, total):
+    """Add value times the product of F over k (real) bounces by its expansion."""
+    inverse = 1.0 / k
+    cube = inverse * inverse * inverse
+    for block in range(0, total.size, BLOCK):
+        for w in range(BLOCK):
+            b = block + w
+            z = k * expansion[0, b] + inverse * expansion[1, b] + cube * expansion[2, b]
+            # exp(z) as (exp(z/256))^256, see `_exp`
+            y = max(z * 0.00390625, -0.25)
+            e = 1.0 + y * (1.0 + y * (0.5 + y * (1 / 6 + y * (1 / 24 + y * (1 / 120 + y * (1 / 720))))))
+            e *= e
+            e *= e
+            e *= e
+            e *= e
+            e *= e
+            e *= e
+            e *= e
+            e *= e
+            product[w] = value * e
+        for w in range(BLOCK):
+            total[block + w] += product[w]
+
+
+@kernel
+def _add_tail(k, k_last, p, ndf, shape, optics, gauss, lanes, moments, work, sums):
+    """Add the orders k, k + 2, ... to the end of the family as half the integral over the order, in x = 1/order."""
+    kind, a, b, table, coefficients = optics[:5]
+    reach, big = lanes[REACHES + p], lanes[BIG + p]
+    sin_t, sin_q = lanes[SIN_T + p], lanes[SIN_Q + p]
+    cos_t, cos_q, big_l = lanes[C_BIG + p], lanes[C_SMALL + p], lanes[BIG_L + p]
+    small = abs(2.0 * lanes[TH + p] - big)
+    low, high = 1.0 / min(lanes[END + p], k_last), 1.0 / (k - 1.0)
+    cut1 = min(max(min(big, small) / reach, low), high)
+    cut2 = min(max(max(big, lanes[LIMIT + p]) / reach, low), high)
+    for panel in range(3):
+        x0 = low if panel == 0 else (cut1 if panel == 1 else cut2)
+        x1 = cut1 if panel == 0 else (cut2 if panel == 1 else high)
+        if x1 - x0 <= 1e-15:
+            continue
+        for q in range(gauss.shape[1]):
+            x = x0 + (x1 - x0) * gauss[0, q]
+            s, c = sincos_small(reach * x)
+            beam = beam_symmetric(s, c, sin_t, cos_t, sin_q, cos_q)
+            if beam <= 0.0:
+                continue
+            value = density(ndf, shape, s, c) * beam * c * 0.5 * (x1 - x0) * gauss[1, q] / x
+            if kind == 0:
+                lanes[TOTAL + p] += value
+            elif value <= lanes[FAINT + p]:
+                continue
+            elif coefficients.shape[0] > 0:
+                _add_expanded(value, 1.0 / x, moments[p], work[0], sums[p])
+            else:
+                for w in range(sums.shape[1]):
+                    work[0, w] = value
+                t = math.copysign(big, sin_t)
+                multiply_long_chain(kind, a, b, table, big_l, -t, 2.0 * reach - t, 1.0 / x, work[0], work[1])
+                for w in range(sums.shape[1]):
+                    sums[p, w] += work[0, w]
+
+
+@kernel
+def _higher_orders(n, distribution, orders, optics, lanes, moments, work, sums):
+    """Add the orders from two on of n cells to TOTAL (F = 1) or `sums` (n, W)."""
+    ndf, shape, _ = distribution
+    steps, k_explicit, k_cap, gauss = orders
+    kind, _, _, table, coefficients = optics[:5]
+    direct = DIRECT if coefficients.shape[0] > 0 else k_explicit
+    for family in range(4):
+        _family(family, n, lanes)
+        low, high = 0, n
+        k = 2 + (family & 1)
+        expanded = False
+        while True:
+            while low < high and lanes[END + low] <= k:
+                low += 1
+            while low < high and lanes[END + high - 1] <= k:
+                high -= 1
+            if low == high or k > k_cap or k > k_explicit:
+                break
+            _order(ndf, shape, k, steps[0, k], steps[1, k], low, high, lanes)
+            if kind == 0:
+                for p in range(low, high):
+                    lanes[TOTAL + p] += lanes[VALUE + p]
+            elif k <= direct:
+                for p in range(low, high):
+                    if lanes[VALUE + p] > lanes[FAINT + p]:
+                        _add_chain(table, k, p, lanes, work[0], sums)
+            else:
+                if not expanded:
+                    for p in range(low, high):
+                        if lanes[END + p] > k:
+                            _expand(coefficients, p, lanes, moments)
+                    expanded = True
+                for p in range(low, high):
+                    if lanes[VALUE + p] > lanes[FAINT + p]:
+                        _add_expanded(lanes[VALUE + p], float(k), moments[p], work[0], sums[p])
+            k += 2
+        if low < high and k <= k_cap:
+            k_last = k_cap + 1.0 - (k_cap - k) % 2
+            for p in range(low, high):
+                if lanes[END + p] > k:
+                    _add_tail(k, k_last, p, ndf, shape, optics, gauss, lanes, moments, work, sums)
+
+
+@kernel
+def _chunk(n, distribution, orders, optics, lanes, moments, work, sums, out):
+    """Write the BRDF (1/sr) of n <= LANES cells, whose directions stand in the first rows of `lanes`, to out (n, C)."""
+    ndf, shape, depth = distribution
+    kind, _, _, _, _, first_f, weights, faint = optics
+    _frame(n, lanes)
+    _distribute(ndf, shape, 0, n, SY, CY, lanes)
+    _depths(ndf, shape, depth, n, lanes)
+    for p in range(n):
+        value = lanes[VALUE + p]
+        lanes[FIRST + p] = value
+        lanes[FAINT + p] = faint * value / max(lanes[FRONT + p], 1e-300)
+        lanes[TOTAL + p] = 0.0
+    if kind != 0:
+        sums[:n] = 0.0
+    if orders[2] >= 2:
+        _higher_orders(n, distribution, orders, optics, lanes, moments, work, sums)
+    cells = first_f.shape[0] - 1
+    for p in range(n):
+        first, front = lanes[FIRST + p], lanes[FRONT + p]
+        if kind == 0:
+            out[p, 0] = first + front * lanes[TOTAL + p]
+            continue
+        x = lanes[I_H + p] * cells
+        i = min(int(x), cells - 1)
+        x -= i
+        for c in range(out.shape[1]):
+            rest = 0.0
+            for w in range(sums.shape[1]):
+                rest += sums[p, w] * weights[c, w]
+            out[p, c] = first * (first_f[i, c] + x * (first_f[i + 1, c] - first_f[i, c])) + front * rest
+
+
+@kernel
+def _scratch(width, channels):
+    return (
+        np.zeros(ROWS * LANES),
+        np.empty((LANES, 3, width)),
+        np.empty((2, width)),
+        np.empty((LANES, width)),
+        np.empty((LANES, channels)),
+    )
+
+
+@kernel
+def _store(p, directions, lanes):
+    """Store one pair of directions, given as `frame.pair` returns it."""
+    si, ci, so, co, hx, hy, ox = directions
+    lanes[CI + p] = ci
+    lanes[CO + p] = co
+    lanes[SI + p] = si
+    lanes[SO + p] = so
+    lanes[HX + p] = hx
+    lanes[HY + p] = hy
+    lanes[OX + p] = ox
+
+
+@parallel_kernel
+def _points(theta_i, theta_o, phi, distribution, orders, optics, out):
+    size = theta_i.size
+    chunks = (size + LANES - 1) // LANES
+    for chunk in numba.prange(chunks):
+        lanes, moments, work, sums, value = _scratch(optics[3].shape[1] // 2, out.shape[1])
+        start = chunk * LANES
+        n = min(LANES, size - start)
+        for p in range(n):
+            _store(p, pair(theta_i[start + p], theta_o[start + p], phi[start + p]), lanes)
+        _chunk(n, distribution, orders, optics, lanes, moments, work, sums, value)
+        out[start : start + n] = value[:n]
+
+
+@parallel_kernel
+def _fill(theta_i, theta_o, cos_half, sin_phi, square, distribution, orders, optics, out):
+    rows, columns, steps, channels = out.shape
+    for index in numba.prange(rows):
+        # long and short rows of the triangle in turn, so that all threads get the same work
+        i = index // 2 if index % 2 == 0 else rows - 1 - index // 2
+        lanes, moments, work, sums, value = _scratch(optics[3].shape[1] // 2, channels)
+        si, ci = math.sin(theta_i[i]), math.cos(theta_i[i])
+        for o in range(i + 1 if square else columns):
+            so, co = math.sin(theta_o[o]), math.cos(theta_o[o])
+            diff = 2.0 * math.cos(0.5 * (theta_i[i] + theta_o[o])) * math.sin(0.5 * (theta_i[i] - theta_o[o]))
+            for start in range(0, steps, LANES):
+                n = min(LANES, steps - start)
+                for p in range(n):
+                    one_plus = 2.0 * cos_half[start + p] * cos_half[start + p]
+                    directions = (si, ci, so, co, diff + so * one_plus, so * sin_phi[start + p], si * one_plus - diff)
+                    _store(p, directions, lanes)
+                _chunk(n, distribution, orders, optics, lanes, moments, work, sums, value)
+                for p in range(n):
+                    for c in range(channels):
+                        out[i, o, start + p, c] = value[p, c]
+                        if square:
+                            out[o, i, start + p, c] = value[p, c]
+
+
+def _continued(fresnel: Fresnel, cosine: np.ndarray) -> np.ndarray:
+    """Return F (N, W) at cosines that may be negative: the analytic continuation, which the expansion needs."""
+    c = cosine[:, None]
+    if fresnel.kind == SCHLICK:
+        return fresnel.a + (1.0 - fresnel.a) * (1.0 - c) ** 5
+    n2 = (fresnel.a + 1j * fresnel.b) ** 2 if fresnel.kind == CONDUCTOR else fresnel.a.astype(complex) ** 2
+    q = np.sqrt(n2 - 1.0 + c * c)
+    return 0.5 * (np.abs((c - q) / (c + q)) ** 2 + np.abs((n2 * c - q) / (n2 * c + q)) ** 2)
+
+
+def _log_polynomial(fresnel: Fresnel, tolerance: float) -> np.ndarray:
+    """Return coefficients (P, W) of log F without constant term; (0, W) if no degree reaches the tolerance.
+
+    The error of log F is weighted by F: where F is small, products of many are nothing.
+    """
+    nothing = np.empty((0, fresnel.a.size))
+    cosine = LOWEST_COSINE + (1.0 - LOWEST_COSINE) * 0.5 * (1.0 - np.cos(np.pi * (np.arange(600) + 0.5) / 600.0))
+    value = _continued(fresnel, cosine)
+    if not (value > 1e-12).all():
+        return nothing
+    logs, weight = np.log(value), np.minimum(value, 1.0)
+    for degree in (8, 10, 12, 14, 16, 18, 20):
+        basis = cosine[:, None] ** np.arange(1, degree + 1)
+        columns = [
+            np.linalg.lstsq(basis * weight[:, w : w + 1], logs[:, w] * weight[:, w], rcond=None)[0]
+            for w in range(fresnel.a.size)
+        ]
+        found = np.stack(columns, axis=1)
+        if np.abs((basis @ found - logs) * weight).max() <= tolerance:
+            return found
+    return nothing
+
+
+def _padded(array: np.ndarray, width: int) -> np.ndarray:
+    """Return a C-ordered copy with zeros appended to the last axis."""
+    out = np.zeros((*array.shape[:-1], width))
+    out[..., : array.shape[-1]] = array
+    return out
+
+
+def _optics(fresnel: Fresnel, tolerance: float) -> tuple[Any, ...] | None:
+    """Return the reflectance as the kernels take it, or None if the look-up table cannot hold the tolerance."""
+    if fresnel.kind == MIRROR:
+        nothing = np.empty((1, 0))
+        return 0, nothing[0], nothing[0], nothing, nothing, nothing, nothing, 0.0
+    a, b = np.asarray(fresnel.a, dtype=np.float64), np.asarray(fresnel.b, dtype=np.float64)
+    size = a.size
+    width = -(-size // BLOCK) * BLOCK
+    for cells in (512, 1024, 2048, 4096):
+        table, error = fill_table(fresnel.kind, a, b, cells)
+        if error <= 0.03 * tolerance:
+            break
+    else:
+        return None
+    table = np.concatenate([_padded(table[:, :size], width), _padded(table[:, size:], width)], axis=1)
+    cosine = np.linspace(0.0, 1.0, FIRST_CELLS + 1)
+    first = np.ascontiguousarray(reflectance(fresnel, cosine) @ fresnel.weights)
+    coefficients = _padded(_log_polynomial(fresnel, 0.1 * tolerance), width)
+    # a term of the sum this much smaller than the first order is left out
+    faint = 1e-3 * tolerance * max(float(first.max(axis=1).min()), 0.0)
+    weights = _padded(np.ascontiguousarray(fresnel.weights.T), width)
+    return fresnel.kind, _padded(a, width), _padded(b, width), table, coefficients, first, weights, faint
+
+
+def _explicit(tolerance: float) -> tuple[int, int]:
+    """Return how many orders are summed one by one, and the nodes of the tail, for a relative tolerance."""
+    if tolerance >= 5e-4:
+        return 24, 4
+    if tolerance >= 1e-4:
+        return 96, 4
+    return 256, 8
+
+
+class Prepared:
+    """One isotropic setup, ready for points and product grids.
+
+    Parameters
+    ----------
+    setup : Setup
+        Isotropic.
+    tolerance : float
+        Relative error asked, against the largest channel of a cell; at least `REACH`.
+    optics : tuple
+        From `_optics`.
+    """
+
+    def __init__(self, setup: Setup, tolerance: float, optics: tuple[Any, ...]) -> None:
+        k_explicit, nodes = _explicit(tolerance)
+        k_cap = NO_CAP if setup.max_bounces is None else setup.max_bounces
+        shape = shape_at(setup.ndf, setup.alpha_x, setup.alpha_y, 1.0, 0.0)[0]
+        distribution = (setup.ndf, shape, 14.0 - math.log(tolerance))
+        orders = (step_tables(k_explicit), k_explicit, k_cap, unit_gauss(nodes))
+        self._arguments = (distribution, orders, optics)
+        self._channels = len(setup.channels)
+
+    def points(self, theta_i: np.ndarray, theta_o: np.ndarray, phi: np.ndarray, phi_i: np.ndarray) -> np.ndarray:
+        """Evaluate at N pairs of directions (radians; phi_i does not matter); returns (N, 1, C) in 1/sr."""
+        out = np.empty((theta_i.size, self._channels))
+        _points(theta_i, theta_o, phi, *self._arguments, out)
+        return out[:, None, :]
+
+    def fill(self, theta_i: np.ndarray, theta_o: np.ndarray, phi: np.ndarray, square: bool, out: np.ndarray) -> None:
+        """Fill out (I, O, P, C), float32 or float64, on a product grid of radians, in 1/sr.
+
+        A square grid (both theta axes the same) is computed half and mirrored: reciprocal bit for bit.
+        """
+        _fill(theta_i, theta_o, np.cos(0.5 * phi), np.sin(phi), square, *self._arguments, out)
+
+
+def prepare(setup: Setup, tolerance: float) -> Prepared | None:
+    """Return the fast evaluation of an isotropic setup, or None where it cannot hold the tolerance.
+
+    Parameters
+    ----------
+    setup : Setup
+        From `brdftab.models.setup.resolve`.
+    tolerance : float
+        Relative error asked, against the largest channel of a cell.
+    """
+    assert setup.fresnel is not None
+    if not setup.isotropic or tolerance < REACH:
+        return None
+    optics = _optics(setup.fresnel, tolerance)
+    return None if optics is None else Prepared(setup, tolerance, optics)
