@@ -16,9 +16,8 @@ import numba
 import numpy as np
 
 from brdftab.jit import kernel, parallel_kernel
-from brdftab.materials.fresnel import CONDUCTOR, MIRROR, SCHLICK, Fresnel, reflectance
+from brdftab.materials.fresnel import MIRROR, Fresnel, reflectance
 from brdftab.models.microfacet.frame import pair
-from brdftab.models.microfacet.fresnel import fill_table, multiply_long_chain
 from brdftab.models.microfacet.groove2d import beam_symmetric
 from brdftab.models.microfacet.ndf import density, shape_at
 from brdftab.models.microfacet.project import unit_gauss
@@ -31,20 +30,21 @@ MIRROR_SINE = 1e-14
 NO_CAP = 2_000_000_000
 # the tightest tolerance that the look-up tables and the bounce sum are laid out for
 REACH = 1e-5
-# wavelengths are padded to blocks of this many, so that inner loops have a fixed length
-BLOCK = 8
-# orders up to this one take their reflectances from the look-up table bounce by bounce
-DIRECT = 7
+# orders up to this one add up the powers of their cosines bounce by bounce, longer ones by the expansion
+DIRECT = 24
 FIRST_CELLS = 4096
-# cosines down to here enter the expansion of chains longer than DIRECT
-LOWEST_COSINE = -0.3
+# degrees of log F: few, because each is compiled by itself (its loops are unrolled)
+DEGREES = (12, 20)
 
 # one scratch array holds named rows of LANES numbers: fixed distances let the compiler prove that rows do not overlap
 LANES = 96
 CI, CO, SI, SO, HX, HY, OX = (LANES * n for n in range(7))
 I_H, BIG_L, FIRST, FRONT, FAINT, BIG, D, TH, S_BIG, C_BIG, S_SMALL, C_SMALL, Y_MIN = (LANES * n for n in range(7, 20))
-Z, REACHES, LIMIT, END, SIN_T, SIN_Q, SY, CY, VALUE, TOTAL = (LANES * n for n in range(20, 30))
-ROWS = 30
+Z, REACHES, END, SIN_T, SIN_Q, SY, CY, VALUE, TOTAL = (LANES * n for n in range(20, 29))
+ROWS = 29
+# a batch of terms: owner cell aside, value, geometry of the chain and sums of powers 1, 2, ... of the cosines
+TERMS = 256
+AMOUNT, LENGTH, S_NOW, C_NOW, S_STEP, C_STEP, NOW, SUMS = (TERMS * n for n in range(8))
 
 
 @kernel
@@ -172,7 +172,6 @@ def _family(family, n, lanes):
         limit = max(other if side else lanes[BIG + p], 1e-300)
         end = reach / max(limit, lanes[Y_MIN + p])
         lanes[END + p] = end if lanes[FRONT + p] > 0.0 else 0.0
-        lanes[LIMIT + p] = limit
         lanes[REACHES + p] = reach
         lanes[Z + p] = sign * z
         lanes[SIN_T + p] = sign * lanes[S_BIG + p]
@@ -194,111 +193,122 @@ def _order(ndf, shape, k, sin_k, cos_k, low, high, lanes):
 
 
 @kernel
-def _times(table, block, cosine, product):
-    """Multiply eight wavelengths by F at a cosine; `table` holds values, then steps, of all wavelengths in each row."""
-    cells = table.shape[0] - 1
-    width = table.shape[1] // 2
-    x = max(cosine, 0.0) * cells
-    i = min(int(x), cells - 1)
-    t = x - i
-    entry = table[i]
-    for w in range(BLOCK):
-        product[w] *= entry[block + w] + t * entry[block + width + w]
+def _push_chains(k, low, high, terms, tag, lanes, batch, owners):
+    """Append the terms of order k that are not faint to the batch, with their power sums over the k bounces."""
+    start = terms
+    for p in range(low, high):
+        if lanes[VALUE + p] > lanes[FAINT + p]:
+            sy, cy, s_big, c_big = lanes[SY + p], lanes[CY + p], lanes[SIN_T + p], lanes[C_BIG + p]
+            owners[terms] = p
+            batch[AMOUNT + terms] = lanes[VALUE + p]
+            batch[LENGTH + terms] = lanes[BIG_L + p]
+            batch[S_NOW + terms] = sy * c_big - cy * s_big
+            batch[C_NOW + terms] = cy * c_big + sy * s_big
+            batch[S_STEP + terms] = 2.0 * sy * cy
+            batch[C_STEP + terms] = (cy - sy) * (cy + sy)
+            terms += 1
+    for t in range(start, terms):
+        for q in range(len(tag)):
+            batch[SUMS + q * TERMS + t] = 0.0
+    for _ in range(k):
+        for t in range(start, terms):
+            s, c = batch[S_NOW + t], batch[C_NOW + t]
+            ss, cs = batch[S_STEP + t], batch[C_STEP + t]
+            x = max(batch[LENGTH + t] * s, 0.0)
+            z = x
+            for q in range(len(tag)):
+                batch[SUMS + q * TERMS + t] += z
+                z *= x
+            batch[S_NOW + t] = s * cs + c * ss
+            batch[C_NOW + t] = c * cs - s * ss
+    return terms
 
 
 @kernel
-def _add_chain(table, k, p, lanes, product, sums):
-    """Add VALUE times the product of F over the k bounces of one cell, by look-up."""
-    big_l, value = lanes[BIG_L + p], lanes[VALUE + p]
-    sy, cy, s_big, c_big = lanes[SY + p], lanes[CY + p], lanes[SIN_T + p], lanes[C_BIG + p]
-    first = sy * c_big - cy * s_big
-    last = sy * lanes[C_SMALL + p] - cy * lanes[SIN_Q + p]
-    for block in range(0, table.shape[1] // 2, BLOCK):
-        for w in range(BLOCK):
-            product[w] = value
-        _times(table, block, big_l * first, product)
-        _times(table, block, big_l * last, product)
-        if k > 2:
-            s2, c2 = 2.0 * sy * cy, (cy - sy) * (cy + sy)
-            s, c = first, cy * c_big + sy * s_big
-            for _ in range(k - 2):
-                s, c = s * c2 + c * s2, c * c2 - s * s2
-                _times(table, block, big_l * s, product)
-        for w in range(BLOCK):
-            sums[p, block + w] += product[w]
+def _expand(low, high, tag, lanes, expansion):
+    """Write, for each power, the coefficients of k, 1/k and 1/k^3 in the sum over k evenly spaced bounces."""
+    for p in range(low, high):
+        sa, ca = -lanes[SIN_T + p], lanes[C_BIG + p]
+        sb, cb = -lanes[SIN_Q + p], -lanes[C_SMALL + p]
+        big_l, span = lanes[BIG_L + p], 2.0 * lanes[REACHES + p]
+        inverse, cube = 1.0 / span, span * span * span * (7.0 / 5760.0)
+        # integrals of sin^(q-1) and sin^q; powers q - 1 and q - 3 of the sines at both ends
+        before, mean = span, ca - cb
+        pa, pb, ra, rb = 1.0, 1.0, 0.0, 0.0
+        power = big_l
+        for n in range(len(tag)):
+            q = n + 1.0
+            if n > 0:
+                after = (ca * pa - cb * pb) / q + n / q * before
+                before = mean
+                mean = after
+            third_b = cb * (n * (n - 1.0) * cb * cb * rb - (3.0 * n + 1.0) * pb)
+            third_a = ca * (n * (n - 1.0) * ca * ca * ra - (3.0 * n + 1.0) * pa)
+            expansion[3 * n * LANES + p] = power * mean * inverse
+            expansion[(3 * n + 1) * LANES + p] = power * span * (q / 24.0) * (ca * pa - cb * pb)
+            expansion[(3 * n + 2) * LANES + p] = power * cube * q * (third_b - third_a)
+            ra = 1.0 if n == 1 else ra * sa
+            rb = 1.0 if n == 1 else rb * sb
+            pa *= sa
+            pb *= sb
+            power *= big_l
 
 
 @kernel
-def _expand(coefficients, p, lanes, moments):
-    """Write the coefficients (3, W) of k, 1/k and 1/k^3 in the sum of log F over k bounces (Euler-Maclaurin)."""
-    sa, ca = -lanes[SIN_T + p], lanes[C_BIG + p]
-    sb, cb = -lanes[SIN_Q + p], -lanes[C_SMALL + p]
-    big_l, span = lanes[BIG_L + p], 2.0 * lanes[REACHES + p]
-    size = coefficients.shape[1]
-    out = moments[p]
-    for w in range(size):
-        out[0, w] = 0.0
-        out[1, w] = 0.0
-        out[2, w] = 0.0
-    before, mean = span, ca - cb
-    # sin^(q-1) at both ends, and sin^(q-3)
-    pa, pb, ra, rb = 1.0, 1.0, 0.0, 0.0
-    power = 1.0
-    for q in range(1, coefficients.shape[0] + 1):
-        if q > 1:
-            before, mean = mean, (ca * pa - cb * pb) / q + (q - 1.0) / q * before
-        power *= big_l
-        x0 = power / span * mean
-        x1 = -power * span / 24.0 * q * (cb * pb - ca * pa)
-        third_b = cb * ((q - 1.0) * (q - 2.0) * cb * cb * rb - (3.0 * q - 2.0) * pb)
-        third_a = ca * ((q - 1.0) * (q - 2.0) * ca * ca * ra - (3.0 * q - 2.0) * pa)
-        x3 = power * span * span * span * (7.0 / 5760.0) * q * (third_b - third_a)
-        row = coefficients[q - 1]
-        for w in range(size):
-            out[0, w] += row[w] * x0
-            out[1, w] += row[w] * x1
-            out[2, w] += row[w] * x3
-        ra, rb = (1.0, 1.0) if q == 2 else (ra * sa, rb * sb)
-        pa *= sa
-        pb *= sb
-
-
-@kernel
-def _add_expanded(value, k, expansion, product, total):
-    """Add value times the product of F over k (real) bounces by its expansion."""
+def _push_expanded(value, k, p, terms, tag, expansion, batch, owners):
+    """Append one term of (real) order k, its power sums by expansion."""
+    owners[terms] = p
+    batch[AMOUNT + terms] = value
     inverse = 1.0 / k
     cube = inverse * inverse * inverse
-    for block in range(0, total.size, BLOCK):
-        for w in range(BLOCK):
-            b = block + w
-            z = k * expansion[0, b] + inverse * expansion[1, b] + cube * expansion[2, b]
-            # exp(z) as (exp(z/256))^256, see `_exp`
-            y = max(z * 0.00390625, -0.25)
-            e = 1.0 + y * (1.0 + y * (0.5 + y * (1 / 6 + y * (1 / 24 + y * (1 / 120 + y * (1 / 720))))))
-            e *= e
-            e *= e
-            e *= e
-            e *= e
-            e *= e
-            e *= e
-            e *= e
-            e *= e
-            product[w] = value * e
-        for w in range(BLOCK):
-            total[block + w] += product[w]
+    for n in range(len(tag)):
+        a, b, c = expansion[3 * n * LANES + p], expansion[(3 * n + 1) * LANES + p], expansion[(3 * n + 2) * LANES + p]
+        batch[SUMS + n * TERMS + terms] = k * a + inverse * b + cube * c
+    return terms + 1
 
 
 @kernel
-def _add_tail(k, k_last, p, ndf, shape, optics, gauss, lanes, moments, work, sums):
+def _flush(terms, tag, coefficients, weights, batch, owners, projected, sums):
+    """Add the terms of the batch, times exp(sum_q a_q S_q) a wavelength, to the channels of their cells."""
+    size, channels = weights.shape
+    for c in range(channels):
+        for t in range(terms):
+            projected[c * TERMS + t] = 0.0
+    for w in range(size):
+        a = coefficients[w]
+        for t in range(terms):
+            z = 0.0
+            for q in range(len(tag)):
+                z += a[q] * batch[SUMS + q * TERMS + t]
+            # exp(z) = (exp(z/64))^64, and nothing below exp(-16)
+            y = max(z * 0.015625, -0.25)
+            e = 1.0 + y * (1.0 + y * (0.5 + y * (1 / 6 + y * (1 / 24 + y * (1 / 120)))))
+            e *= e
+            e *= e
+            e *= e
+            e *= e
+            e *= e
+            e *= e
+            batch[NOW + t] = batch[AMOUNT + t] * e
+        for c in range(channels):
+            weight = weights[w, c]
+            if weight != 0.0:
+                for t in range(terms):
+                    projected[c * TERMS + t] += weight * batch[NOW + t]
+    for c in range(channels):
+        for t in range(terms):
+            sums[c * LANES + owners[t]] += projected[c * TERMS + t]
+
+
+@kernel
+def _tail(k, k_last, p, ndf, shape, mirror, gauss, tag, lanes, terms, expansion, batch, owners):
     """Add the orders k, k + 2, ... to the end of the family as half the integral over the order, in x = 1/order."""
-    kind, a, b, table, coefficients = optics[:5]
     reach, big = lanes[REACHES + p], lanes[BIG + p]
-    sin_t, sin_q = lanes[SIN_T + p], lanes[SIN_Q + p]
-    cos_t, cos_q, big_l = lanes[C_BIG + p], lanes[C_SMALL + p], lanes[BIG_L + p]
+    sin_t, sin_q, cos_t, cos_q = lanes[SIN_T + p], lanes[SIN_Q + p], lanes[C_BIG + p], lanes[C_SMALL + p]
     small = abs(2.0 * lanes[TH + p] - big)
     low, high = 1.0 / min(lanes[END + p], k_last), 1.0 / (k - 1.0)
-    cut1 = min(max(min(big, small) / reach, low), high)
-    cut2 = min(max(max(big, lanes[LIMIT + p]) / reach, low), high)
+    cut1 = min(max(small / reach, low), high)
+    cut2 = min(max(big / reach, low), high)
     for panel in range(3):
         x0 = low if panel == 0 else (cut1 if panel == 1 else cut2)
         x1 = cut1 if panel == 0 else (cut2 if panel == 1 else high)
@@ -311,28 +321,21 @@ def _add_tail(k, k_last, p, ndf, shape, optics, gauss, lanes, moments, work, sum
             if beam <= 0.0:
                 continue
             value = density(ndf, shape, s, c) * beam * c * 0.5 * (x1 - x0) * gauss[1, q] / x
-            if kind == 0:
+            if mirror:
                 lanes[TOTAL + p] += value
-            elif value <= lanes[FAINT + p]:
-                continue
-            elif coefficients.shape[0] > 0:
-                _add_expanded(value, 1.0 / x, moments[p], work[0], sums[p])
-            else:
-                for w in range(sums.shape[1]):
-                    work[0, w] = value
-                t = math.copysign(big, sin_t)
-                multiply_long_chain(kind, a, b, table, big_l, -t, 2.0 * reach - t, 1.0 / x, work[0], work[1])
-                for w in range(sums.shape[1]):
-                    sums[p, w] += work[0, w]
+            elif value > lanes[FAINT + p]:
+                terms = _push_expanded(value, 1.0 / x, p, terms, tag, expansion, batch, owners)
+    return terms
 
 
 @kernel
-def _higher_orders(n, distribution, orders, optics, lanes, moments, work, sums):
-    """Add the orders from two on of n cells to TOTAL (F = 1) or `sums` (n, W)."""
+def _higher_orders(n, distribution, orders, optics, lanes, scratch):
+    """Add the orders from two on of n cells to TOTAL (F = 1) or to the sums a channel."""
     ndf, shape, _ = distribution
     steps, k_explicit, k_cap, gauss = orders
-    kind, _, _, table, coefficients = optics[:5]
-    direct = DIRECT if coefficients.shape[0] > 0 else k_explicit
+    mirror, tag, coefficients, weights = optics[:4]
+    expansion, batch, owners, projected, sums = scratch
+    terms = 0
     for family in range(4):
         _family(family, n, lanes)
         low, high = 0, n
@@ -343,38 +346,50 @@ def _higher_orders(n, distribution, orders, optics, lanes, moments, work, sums):
                 low += 1
             while low < high and lanes[END + high - 1] <= k:
                 high -= 1
-            if low == high or k > k_cap or k > k_explicit:
+            if low == high or k > k_cap:
+                break
+            if not (mirror or expanded) and k > DIRECT:
+                _expand(low, high, tag, lanes, expansion)
+                expanded = True
+            if k > k_explicit:
                 break
             _order(ndf, shape, k, steps[0, k], steps[1, k], low, high, lanes)
-            if kind == 0:
+            if mirror:
                 for p in range(low, high):
                     lanes[TOTAL + p] += lanes[VALUE + p]
-            elif k <= direct:
-                for p in range(low, high):
-                    if lanes[VALUE + p] > lanes[FAINT + p]:
-                        _add_chain(table, k, p, lanes, work[0], sums)
             else:
-                if not expanded:
+                if terms + high - low > TERMS:
+                    _flush(terms, tag, coefficients, weights, batch, owners, projected, sums)
+                    terms = 0
+                if k <= DIRECT:
+                    terms = _push_chains(k, low, high, terms, tag, lanes, batch, owners)
+                else:
                     for p in range(low, high):
-                        if lanes[END + p] > k:
-                            _expand(coefficients, p, lanes, moments)
-                    expanded = True
-                for p in range(low, high):
-                    if lanes[VALUE + p] > lanes[FAINT + p]:
-                        _add_expanded(lanes[VALUE + p], float(k), moments[p], work[0], sums[p])
+                        if lanes[VALUE + p] > lanes[FAINT + p]:
+                            terms = _push_expanded(
+                                lanes[VALUE + p], float(k), p, terms, tag, expansion, batch, owners
+                            )
             k += 2
         if low < high and k <= k_cap:
             k_last = k_cap + 1.0 - (k_cap - k) % 2
             for p in range(low, high):
                 if lanes[END + p] > k:
-                    _add_tail(k, k_last, p, ndf, shape, optics, gauss, lanes, moments, work, sums)
+                    if not mirror and terms + 3 * gauss.shape[1] > TERMS:
+                        _flush(terms, tag, coefficients, weights, batch, owners, projected, sums)
+                        terms = 0
+                    terms = _tail(
+                        k, k_last, p, ndf, shape, mirror, gauss, tag, lanes, terms, expansion, batch, owners
+                    )
+    if terms > 0:
+        _flush(terms, tag, coefficients, weights, batch, owners, projected, sums)
 
 
 @kernel
-def _chunk(n, distribution, orders, optics, lanes, moments, work, sums, out):
+def _chunk(n, distribution, orders, optics, lanes, scratch, out):
     """Write the BRDF (1/sr) of n <= LANES cells, whose directions stand in the first rows of `lanes`, to out (n, C)."""
     ndf, shape, depth = distribution
-    kind, _, _, _, _, first_f, weights, faint = optics
+    mirror, _, _, _, first_f, faint = optics
+    sums = scratch[4]
     _frame(n, lanes)
     _distribute(ndf, shape, 0, n, SY, CY, lanes)
     _depths(ndf, shape, depth, n, lanes)
@@ -383,35 +398,34 @@ def _chunk(n, distribution, orders, optics, lanes, moments, work, sums, out):
         lanes[FIRST + p] = value
         lanes[FAINT + p] = faint * value / max(lanes[FRONT + p], 1e-300)
         lanes[TOTAL + p] = 0.0
-    if kind != 0:
-        sums[:n] = 0.0
+    sums[:] = 0.0
     if orders[2] >= 2:
-        _higher_orders(n, distribution, orders, optics, lanes, moments, work, sums)
+        _higher_orders(n, distribution, orders, optics, lanes, scratch)
     cells = first_f.shape[0] - 1
     for p in range(n):
         first, front = lanes[FIRST + p], lanes[FRONT + p]
-        if kind == 0:
+        if mirror:
             out[p, 0] = first + front * lanes[TOTAL + p]
             continue
         x = lanes[I_H + p] * cells
         i = min(int(x), cells - 1)
         x -= i
         for c in range(out.shape[1]):
-            rest = 0.0
-            for w in range(sums.shape[1]):
-                rest += sums[p, w] * weights[c, w]
-            out[p, c] = first * (first_f[i, c] + x * (first_f[i + 1, c] - first_f[i, c])) + front * rest
+            f = first_f[i, c] + x * (first_f[i + 1, c] - first_f[i, c])
+            out[p, c] = first * f + front * sums[c * LANES + p]
 
 
 @kernel
-def _scratch(width, channels):
-    return (
-        np.zeros(ROWS * LANES),
-        np.empty((LANES, 3, width)),
-        np.empty((2, width)),
-        np.empty((LANES, width)),
-        np.empty((LANES, channels)),
+def _scratch(degree, channels):
+    """Return what one thread needs: lanes, the scratch of the higher orders, and a chunk's values."""
+    higher = (
+        np.empty(3 * degree * LANES),
+        np.empty(SUMS + degree * TERMS),
+        np.empty(TERMS, np.int64),
+        np.empty(channels * TERMS),
+        np.empty(channels * LANES),
     )
+    return np.zeros(ROWS * LANES), higher, np.empty((LANES, channels))
 
 
 @kernel
@@ -432,12 +446,12 @@ def _points(theta_i, theta_o, phi, distribution, orders, optics, out):
     size = theta_i.size
     chunks = (size + LANES - 1) // LANES
     for chunk in numba.prange(chunks):
-        lanes, moments, work, sums, value = _scratch(optics[3].shape[1] // 2, out.shape[1])
+        lanes, scratch, value = _scratch(len(optics[1]), out.shape[1])
         start = chunk * LANES
         n = min(LANES, size - start)
         for p in range(n):
             _store(p, pair(theta_i[start + p], theta_o[start + p], phi[start + p]), lanes)
-        _chunk(n, distribution, orders, optics, lanes, moments, work, sums, value)
+        _chunk(n, distribution, orders, optics, lanes, scratch, value)
         out[start : start + n] = value[:n]
 
 
@@ -447,7 +461,7 @@ def _fill(theta_i, theta_o, cos_half, sin_phi, square, distribution, orders, opt
     for index in numba.prange(rows):
         # long and short rows of the triangle in turn, so that all threads get the same work
         i = index // 2 if index % 2 == 0 else rows - 1 - index // 2
-        lanes, moments, work, sums, value = _scratch(optics[3].shape[1] // 2, channels)
+        lanes, scratch, value = _scratch(len(optics[1]), channels)
         si, ci = math.sin(theta_i[i]), math.cos(theta_i[i])
         for o in range(i + 1 if square else columns):
             so, co = math.sin(theta_o[o]), math.cos(theta_o[o])
@@ -458,7 +472,7 @@ def _fill(theta_i, theta_o, cos_half, sin_phi, square, distribution, orders, opt
                     one_plus = 2.0 * cos_half[start + p] * cos_half[start + p]
                     directions = (si, ci, so, co, diff + so * one_plus, so * sin_phi[start + p], si * one_plus - diff)
                     _store(p, directions, lanes)
-                _chunk(n, distribution, orders, optics, lanes, moments, work, sums, value)
+                _chunk(n, distribution, orders, optics, lanes, scratch, value)
                 for p in range(n):
                     for c in range(channels):
                         out[i, o, start + p, c] = value[p, c]
@@ -466,68 +480,38 @@ def _fill(theta_i, theta_o, cos_half, sin_phi, square, distribution, orders, opt
                             out[o, i, start + p, c] = value[p, c]
 
 
-def _continued(fresnel: Fresnel, cosine: np.ndarray) -> np.ndarray:
-    """Return F (N, W) at cosines that may be negative: the analytic continuation, which the expansion needs."""
-    c = cosine[:, None]
-    if fresnel.kind == SCHLICK:
-        return fresnel.a + (1.0 - fresnel.a) * (1.0 - c) ** 5
-    n2 = (fresnel.a + 1j * fresnel.b) ** 2 if fresnel.kind == CONDUCTOR else fresnel.a.astype(complex) ** 2
-    q = np.sqrt(n2 - 1.0 + c * c)
-    return 0.5 * (np.abs((c - q) / (c + q)) ** 2 + np.abs((n2 * c - q) / (n2 * c + q)) ** 2)
+def _log_polynomial(fresnel: Fresnel, tolerance: float) -> np.ndarray | None:
+    """Return coefficients (W, P) of log F without constant term, or None if no degree reaches the tolerance.
 
-
-def _log_polynomial(fresnel: Fresnel, tolerance: float) -> np.ndarray:
-    """Return coefficients (P, W) of log F without constant term; (0, W) if no degree reaches the tolerance.
-
-    The error of log F is weighted by F: where F is small, products of many are nothing.
+    The error of log F is weighted by F: where F is small, products of several are nothing. F(0) = 1 for every kind.
     """
-    nothing = np.empty((0, fresnel.a.size))
-    cosine = LOWEST_COSINE + (1.0 - LOWEST_COSINE) * 0.5 * (1.0 - np.cos(np.pi * (np.arange(600) + 0.5) / 600.0))
-    value = _continued(fresnel, cosine)
-    if not (value > 1e-12).all():
-        return nothing
-    logs, weight = np.log(value), np.minimum(value, 1.0)
-    for degree in (8, 10, 12, 14, 16, 18, 20):
+    cosine = 0.5 * (1.0 - np.cos(np.pi * (np.arange(800) + 0.5) / 800.0))
+    value = reflectance(fresnel, cosine)
+    if not (value > 0.0).all():
+        return None
+    logs = np.log(value)
+    for degree in DEGREES:
         basis = cosine[:, None] ** np.arange(1, degree + 1)
-        columns = [
-            np.linalg.lstsq(basis * weight[:, w : w + 1], logs[:, w] * weight[:, w], rcond=None)[0]
-            for w in range(fresnel.a.size)
-        ]
-        found = np.stack(columns, axis=1)
-        if np.abs((basis @ found - logs) * weight).max() <= tolerance:
-            return found
-    return nothing
-
-
-def _padded(array: np.ndarray, width: int) -> np.ndarray:
-    """Return a C-ordered copy with zeros appended to the last axis."""
-    out = np.zeros((*array.shape[:-1], width))
-    out[..., : array.shape[-1]] = array
-    return out
+        rows = [np.linalg.lstsq(basis * f[:, None], g * f, rcond=None)[0] for f, g in zip(value.T, logs.T, strict=True)]
+        if np.abs((basis @ np.transpose(rows) - logs) * value).max() <= tolerance:
+            return np.array(rows)
+    return None
 
 
 def _optics(fresnel: Fresnel, tolerance: float) -> tuple[Any, ...] | None:
-    """Return the reflectance as the kernels take it, or None if the look-up table cannot hold the tolerance."""
+    """Return the reflectance as the kernels take it, or None if no polynomial of log F holds the tolerance."""
     if fresnel.kind == MIRROR:
         nothing = np.empty((1, 0))
-        return 0, nothing[0], nothing[0], nothing, nothing, nothing, nothing, 0.0
-    a, b = np.asarray(fresnel.a, dtype=np.float64), np.asarray(fresnel.b, dtype=np.float64)
-    size = a.size
-    width = -(-size // BLOCK) * BLOCK
-    for cells in (512, 1024, 2048, 4096):
-        table, error = fill_table(fresnel.kind, a, b, cells)
-        if error <= 0.03 * tolerance:
-            break
-    else:
+        return True, (0.0,) * DEGREES[0], nothing, nothing, nothing, 0.0
+    coefficients = _log_polynomial(fresnel, 0.1 * tolerance)
+    if coefficients is None:
         return None
-    table = np.concatenate([_padded(table[:, :size], width), _padded(table[:, size:], width)], axis=1)
-    cosine = np.linspace(0.0, 1.0, FIRST_CELLS + 1)
-    first = np.ascontiguousarray(reflectance(fresnel, cosine) @ fresnel.weights)
-    coefficients = _padded(_log_polynomial(fresnel, 0.1 * tolerance), width)
+    first = reflectance(fresnel, np.linspace(0.0, 1.0, FIRST_CELLS + 1)) @ fresnel.weights
     # a term of the sum this much smaller than the first order is left out
-    faint = 1e-3 * tolerance * max(float(first.max(axis=1).min()), 0.0)
-    weights = _padded(np.ascontiguousarray(fresnel.weights.T), width)
-    return fresnel.kind, _padded(a, width), _padded(b, width), table, coefficients, first, weights, faint
+    faint = 3e-3 * tolerance * max(float(first.max(axis=1).min()), 0.0)
+    weights = np.ascontiguousarray(fresnel.weights)
+    # the length of the first tuple is the degree, known when the kernels are compiled
+    return False, (0.0,) * coefficients.shape[1], coefficients, weights, np.ascontiguousarray(first), faint
 
 
 def _explicit(tolerance: float) -> tuple[int, int]:
