@@ -17,6 +17,8 @@ from brdftab.engine import Engine
 from brdftab.grid import Grid
 
 Array = NDArray[np.float64]
+# beyond this polar angle (radians) the half vector turns fast inside a cell, which takes more nodes
+GRAZING = 1.48
 
 
 def gauss(count: int) -> tuple[Array, Array]:
@@ -102,6 +104,7 @@ def mirror_average(engine: Engine, grid: Grid, cells: NDArray[np.int64], nodes: 
     owner = []
     u, wu = gauss(max(nodes - 1, 2))
     for number, cell in enumerate(cells):
+        count = nodes if grid.edges["theta_i"][cell[0] + 1] < GRAZING else nodes + 4
         ranges = {name: _edges(grid, name, int(k)) for name, k in zip(grid.axis_names, cell, strict=True)}
         azimuths: list[tuple[float, float]] = [(0.0, 1.0)]
         if not grid.isotropic:
@@ -109,7 +112,7 @@ def mirror_average(engine: Engine, grid: Grid, cells: NDArray[np.int64], nodes: 
             azimuths = [(first + (last - first) * x, w) for x, w in zip(u, wu, strict=True)]
         for phi_i, w_phi in azimuths:
             for psi in _relative(grid, ranges, phi_i):
-                theta_i, theta_o, p, weight = _pair_nodes(ranges["theta_i"], ranges["theta_o"], psi, nodes)
+                theta_i, theta_o, p, weight = _pair_nodes(ranges["theta_i"], ranges["theta_o"], psi, count)
                 weight = weight * w_phi * np.cos(theta_i) * np.sin(theta_i) * np.cos(theta_o) * np.sin(theta_o)
                 gathered.append([theta_i, theta_o, math.pi + p, np.full_like(theta_o, phi_i), weight])
                 owner.append(np.full(theta_o.size, number))

@@ -39,9 +39,11 @@ class Engine:
         0 for the total; else the components are kept apart.
     fast : bool
         Allow the model's prepared path.
+    trial : bool
+        Prepare coarsely, only to compile the kernels.
     """
 
-    def __init__(self, setup: Setup, tolerance: float, orders: int = 0, fast: bool = True) -> None:
+    def __init__(self, setup: Setup, tolerance: float, orders: int = 0, fast: bool = True, trial: bool = False) -> None:
         self.setup = setup
         self.tolerance = tolerance
         self.orders = orders
@@ -50,7 +52,7 @@ class Engine:
         prepare = getattr(self._module, "prepare", None)
         self._prepared: Prepared | None = None
         if fast and prepare is not None and orders == 0 and setup.isotropic:
-            self._prepared = prepare(setup, tolerance)
+            self._prepared = prepare(setup, tolerance, trial)
 
     @property
     def is_fast(self) -> bool:

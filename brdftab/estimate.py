@@ -16,9 +16,9 @@ from brdftab.models.setup import Setup
 
 Array = NDArray[np.float64]
 SAMPLES = 256
-MIRRORS = 3
+MIRRORS = 2
 # Gauss nodes along each coordinate of a mirror cell in the reference
-MIRROR_FINE = 10
+MIRROR_FINE = 8
 # values below this (1/sr) are compared absolutely: nothing reflects there
 FLOOR = 1e-9
 DEFINITION = (
@@ -134,9 +134,9 @@ def estimate(
         reference = fine.points(*(np.ascontiguousarray(a) for a in cell_angles(grid, cells)))[:, 0]
     compared = values[tuple(cells.T)]
     if len(singular_cells):
-        pick = np.unique(np.linspace(0, len(singular_cells) - 1, MIRRORS).round().astype(int))
+        pick = np.unique(np.linspace(len(singular_cells) // 3, len(singular_cells) - 1, MIRRORS).round().astype(int))
         some = singular_cells[pick]
-        rough = Engine(setup, max(0.1 * tolerance, 1e-13), fast=False)
+        rough = Engine(setup, min(0.1 * tolerance, 1e-4), fast=False)
         reference = np.concatenate([reference, mirror_average(rough, grid, some, MIRROR_FINE)[:, 0]])
         compared = np.concatenate([compared, values[tuple(some.T)]])
         cells = np.concatenate([cells, some])

@@ -90,7 +90,7 @@ _AXIS = "start:stop:count or a,b,c [degrees]"
 @click.option("--grid", metavar="IxOxP", help="Cells, theta_i x theta_o x phi (or four) [default: 90x90x180].")
 @click.option("--theta-i", "theta_i", metavar="AXIS", help=f"Positions instead of --grid: {_AXIS}.")
 @click.option("--theta-o", "theta_o", metavar="AXIS", help="Positions [default: those of theta_i].")
-@click.option("--phi", metavar="AXIS", help="Positions of phi_o - phi_i [default: 180 cells].")
+@click.option("--phi", metavar="AXIS", help="Positions of phi_o - phi_i [default: 180 cells of 1 degree].")
 @click.option("--phi-i", "phi_i", metavar="AXIS", help="Positions of the light's azimuth, for four axes.")
 @click.option("--phi-o", "phi_o", metavar="AXIS", help="Positions of the view's azimuth, for four axes.")
 @click.option(
@@ -128,6 +128,8 @@ def tabulate(
         raise ParameterError(f"grid = {grid} and {', '.join(axes)} exclude each other; give --grid or the axes")
     if axes and "theta_i" not in axes:
         raise ParameterError(f"{', '.join(axes)} need theta_i beside them; give --theta-i, as 0.5:89.5:90")
+    if axes and not {"phi", "phi_i", "phi_o"} & set(axes):
+        axes["phi"] = "0:180:181" if cell == "point" else "0.5:179.5:180"
     parameters = given_parameters(model, options)
     resolve(model, **parameters)
     paths = outs or (f"{model}.exr",)

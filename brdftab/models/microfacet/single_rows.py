@@ -72,17 +72,24 @@ def log_one_plus(t):
 
 
 @kernel
-def ggx_row(constants, pair, squares, weight, q):
-    """Write D G/(4 c_i c_o) and q; `squares` is 1 + cos phi, `pair` is tan^2, slope, u, v (u, v times a^2/pi)."""
-    one, a2 = constants[0], constants[1]
-    first, slope, u, v = pair[0], pair[1], pair[2], pair[3]
+def ggx_row(row, squares, weight, x):
+    """Write D G/(4 c_i c_o) and the reflectance's variable; `squares` is 1 + cos phi.
+
+    `row` is 1, a^2, tan^2, slope, u, v (u and v times a^2/pi), (c_i + c_o)/2 and the map's m1, m0, d1, d0.
+    """
+    one, a2, first, slope, u, v = row[0], row[1], row[2], row[3], row[4], row[5]
+    h, m1, m0, d1, d0 = row[6], row[7], row[8], row[9], row[10]
     for p in range(squares.size):
         t = first + slope * squares[p]
         up = one + t
-        r = one / (a2 + t)
+        c = h * math.sqrt(up)
+        # one division serves both the distribution and the map
+        below, under = a2 + t, d1 * c + d0
+        both = one / (below * under)
+        r = both * under
         d = up * r
         weight[p] = d * min(u * d, v * r)
-        q[p] = up
+        x[p] = (m1 * c + m0) * (both * below)
 
 
 @kernel
@@ -110,48 +117,45 @@ def phong_row(half, first, slope, u, v, squares, weight, q):
 
 
 @kernel
-def cosine_row(constants, half, q):
-    """Turn q in place into the variable of the reflectance polynomials, a Moebius map of i.h to [-1, 1]."""
-    m1, m0, d1, d0 = constants[2], constants[3], constants[4], constants[5]
-    h = half[4]
+def map_row(row, q):
+    """Turn q in place into the reflectance's variable, a Moebius map of i.h to [-1, 1]; `row` as in `ggx_row`."""
+    h, m1, m0, d1, d0 = row[6], row[7], row[8], row[9], row[10]
     for p in range(q.size):
         c = h * math.sqrt(q[p])
         q[p] = (m1 * c + m0) / (d1 * c + d0)
 
 
 @kernel
-def _horner12(k, x, out):
-    """Write the polynomial of the first 13 coefficients, highest power first."""
-    a, b, c, d, e, f, g = k[0], k[1], k[2], k[3], k[4], k[5], k[6]
-    h, i, j, l, m, n = k[7], k[8], k[9], k[10], k[11], k[12]
+def _horner_start(k, x, out):
+    """Write the polynomial of the first five coefficients, highest power first."""
+    a, b, c, d, e = k[0], k[1], k[2], k[3], k[4]
     for p in range(x.size):
         y = x[p]
-        s = ((((((a * y + b) * y + c) * y + d) * y + e) * y + f) * y + g) * y + h
-        out[p] = ((((s * y + i) * y + j) * y + l) * y + m) * y + n
+        out[p] = (((a * y + b) * y + c) * y + d) * y + e
 
 
 @kernel
-def _horner6(k, at, x, out):
-    """Go on with six further coefficients."""
-    a, b, c, d, e, f = k[at], k[at + 1], k[at + 2], k[at + 3], k[at + 4], k[at + 5]
+def _horner_more(k, at, x, out):
+    """Go on with four further coefficients."""
+    a, b, c, d = k[at], k[at + 1], k[at + 2], k[at + 3]
     for p in range(x.size):
         y = x[p]
-        out[p] = (((((out[p] * y + a) * y + b) * y + c) * y + d) * y + e) * y + f
+        out[p] = (((out[p] * y + a) * y + b) * y + c) * y + d
 
 
 @kernel
-def reflect(coefficients, x, rows):
-    """Write the polynomials (C, 13 + 6 j), highest power first, at x to the rows (C, P)."""
+def reflect(coefficients, degree, x, rows):
+    """Write the polynomials at x to the rows (C, P); coefficients (C, K) end at [:, degree], a multiple of 4."""
     for c in range(rows.shape[0]):
         k, row = coefficients[c], rows[c]
-        _horner12(k, x, row)
-        for at in range(13, k.size, 6):
-            _horner6(k, at, x, row)
+        _horner_start(k, x, row)
+        for at in range(5, degree + 1, 4):
+            _horner_more(k, at, x, row)
 
 
 @kernel
-def _interleave3(weight, r, g, b, count, out):
-    for p in range(count):
+def _interleave3(weight, r, g, b, out):
+    for p in range(weight.size):
         w = weight[p]
         out[3 * p] = w * r[p]
         out[3 * p + 1] = w * g[p]
@@ -159,13 +163,13 @@ def _interleave3(weight, r, g, b, count, out):
 
 
 @kernel
-def interleave(weight, rows, count, out):
-    """Write weight times each channel's row to out (count C), channel fastest."""
+def interleave(weight, rows, out):
+    """Write weight (P) times each channel's row to out (P C), channel fastest."""
     channels = rows.shape[0]
     if channels == 3:
-        _interleave3(weight, rows[0], rows[1], rows[2], count, out)
+        _interleave3(weight, rows[0], rows[1], rows[2], out)
         return
     for c in range(channels):
         row = rows[c]
-        for p in range(count):
+        for p in range(weight.size):
             out[channels * p + c] = weight[p] * row[p]

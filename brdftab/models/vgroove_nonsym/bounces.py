@@ -18,8 +18,6 @@ from brdftab.models.vgroove_nonsym.panels import left_tilt, panel_edges
 
 PI = math.pi
 HALF_PI = 0.5 * math.pi
-# orders from here on see the reflectance at the two nodes that keep three moments of the tilt
-PAIR_FROM = 3.0
 NODES = 1024
 
 
@@ -112,10 +110,10 @@ def _add_node(fresnel, big_l, r, t, k, exact, l0, slope, value, row, acc):
 
 
 @kernel
-def _add_series(series, nodes, count, mass, t, k, exact, l0, slope, acc):
+def _add_series(series, pair_from, nodes, count, mass, t, k, exact, l0, slope, acc):
     """Add collected nodes (r, value) to acc (W, Q) through the polynomial of log F; high orders by two nodes."""
     coefficients, powers, sums, scratch = series
-    if k >= PAIR_FROM and count > 2:
+    if k >= pair_from and count > 2:
         mean = 0.0
         for n in range(count):
             mean += nodes[n, 0] * nodes[n, 1]
@@ -155,7 +153,8 @@ def add_order(t, u, k, odd, exact, weight, ndf, shape, shift, rule, fresnel, big
     k : float
         The order, real in the tail (then exact is False).
     rule : tuple
-        Gauss nodes and weights (2, n), fine scale cuts or not, depth limit of `panel_edges`.
+        Gauss nodes and weights (2, n), fine scale cuts or not, depth limit of `panel_edges`, and the order from which
+        on a series sees the reflectance at the two nodes that keep three moments of the tilt.
     big_l : float
         Projected length L at which the reflectance is applied; acc is (1, W) then.
     series : tuple
@@ -163,7 +162,7 @@ def add_order(t, u, k, odd, exact, weight, ndf, shape, shift, rule, fresnel, big
     work : tuple of ndarray
         Scratch: cuts, edges, row, nodes.
     """
-    gauss, fine, depth_limit = rule
+    gauss, fine, depth_limit, pair_from = rule
     cuts, edges, row, nodes = work
     use_series = series[0].shape[1] > 0
     count = panel_edges(t, u, k, odd, ndf, shape, fine, depth_limit, cuts, edges)
@@ -203,7 +202,7 @@ def add_order(t, u, k, odd, exact, weight, ndf, shape, shift, rule, fresnel, big
             else:
                 _add_node(fresnel, big_l, r, t, k, exact, l0, slope, value, row, acc[0])
     if found > 0:
-        _add_series(series, nodes, found, total, t, k, exact, l0, slope, acc)
+        _add_series(series, pair_from, nodes, found, total, t, k, exact, l0, slope, acc)
     return total
 
 

@@ -47,7 +47,7 @@ def _peak_shift(d, shape):
 
 
 @parallel_kernel
-def _build(order, ndf, shape, k_explicit, k_cap, tail, gauss, arguments(fresnel, 0.0), coefficients, powers, weights, inverse, grid):
+def _build(order, ndf, shape, k_explicit, k_cap, tail, gauss, fresnel, coefficients, powers, weights, inverse, grid):
     rows, columns, _ = grid.shape
     channels = weights.shape[1]
     for index in numba.prange(rows):
@@ -63,7 +63,7 @@ def _build(order, ndf, shape, k_explicit, k_cap, tail, gauss, arguments(fresnel,
             small = big * math.sin(HALF_PI * (2.0 * j / (columns - 1.0) - 1.0))
             shift = _peak_shift(0.5 * (big - small), shape) if ndf == 0 else 0.0
             acc[:] = 0.0
-            rule = (gauss, False, shift + DEPTH)
+            rule = (gauss, False, shift + DEPTH, 3.0)
             total = add_bounces(
                 big, small, ndf, shape, shift, k_explicit, k_cap, tail, rule, fresnel, 1.0, series, work, acc
             )
@@ -216,9 +216,11 @@ class Interpolant:
         Reflectance of orders two and above, maybe with fewer wavelengths than the setup's.
     coefficients : ndarray (W, P)
         Polynomial of log F from `logfresnel.fit`.
+    trial : bool
+        Take a coarse grid, to compile the kernels only.
     """
 
-    def __init__(self, setup: Setup, fresnel: Fresnel, coefficients: np.ndarray) -> None:
+    def __init__(self, setup: Setup, fresnel: Fresnel, coefficients: np.ndarray, trial: bool) -> None:
         weights = np.ascontiguousarray(fresnel.weights)
         k_cap = 2_000_000_000 if setup.max_bounces is None else setup.max_bounces
         # nodes in L that leave out 0, where the ratio is known to be 1, and include 1
@@ -227,10 +229,11 @@ class Interpolant:
         inverse = np.linalg.inv(np.sqrt(lengths)[:, None] ** n[None, :])
         powers = np.ascontiguousarray(lengths[None, :] ** np.arange(1, coefficients.shape[1] + 1)[:, None])
         entries = 1 if fresnel.kind == 0 else 1 + LENGTHS * weights.shape[1]
-        grid = np.empty((ROWS, COLUMNS, entries))
+        rows, columns = (5, 9) if trial else (ROWS, COLUMNS)
+        grid = np.empty((rows, columns, entries))
         many_bounces = k_cap >= 2
         if many_bounces:
-            order = np.random.default_rng(0).permutation(ROWS)
+            order = np.random.default_rng(0).permutation(rows)
             ndf, shape, tail, gauss = setup.ndf, setup.alpha_x, unit_gauss(3), unit_gauss(5)
             _build(
                 order, ndf, shape, 16, k_cap, tail, gauss, arguments(fresnel, 0.0), coefficients, powers, weights, inverse, grid
@@ -258,18 +261,18 @@ class Interpolant:
         _fill(theta_i, theta_o, np.cos(0.5 * phi), np.sin(phi), square, *self._arguments, out)
 
 
-def build(setup: Setup, tolerance: float) -> Interpolant | None:
+def build(setup: Setup, tolerance: float, trial: bool = False) -> Interpolant | None:
     """Return an interpolant where it can hold the tolerance, else None (then evaluate directly)."""
     assert setup.fresnel is not None
     if setup.ndf == 2 or not setup.isotropic or tolerance < REACH or not 0.02 <= setup.alpha_x <= 2.0:
         return None
     if setup.fresnel.kind == 0:
-        return Interpolant(setup, setup.fresnel, np.zeros((1, 0)))
+        return Interpolant(setup, setup.fresnel, np.zeros((1, 0)), trial)
     fresnel = thinned(setup, 0.3 * tolerance)
     coefficients = fit(fresnel, 0.05 * tolerance)
     if coefficients is None:
         return None
-    return Interpolant(setup, fresnel, coefficients)
+    return Interpolant(setup, fresnel, coefficients, trial)
 
 
 def _projected_table(setup: Setup) -> np.ndarray:

@@ -11,10 +11,11 @@ import numpy as np
 from brdftab.jit import kernel, parallel_kernel
 from brdftab.models.microfacet.frame import groove_plane, pair
 from brdftab.models.microfacet.fresnel import multiply
+from brdftab.models.microfacet.logfresnel import fit
 from brdftab.models.microfacet.ndf import density, shape_at
 from brdftab.models.microfacet.project import arguments, project, unit_gauss
 from brdftab.models.setup import Setup, component_names
-from brdftab.models.vgroove_nonsym.bounces import add_bounces
+from brdftab.models.vgroove_nonsym.bounces import NODES, add_bounces
 from brdftab.models.vgroove_nonsym.first_order import mean_masking
 from brdftab.models.vgroove_nonsym.panels import CUTS
 
@@ -23,7 +24,7 @@ NO_CAP = 2_000_000_000
 MIRROR = 1e-14
 # orders whose peak lies this many e-folds below the first order's cannot change a float64 sum
 DEPTH = 45.0
-NO_SERIES = (np.empty((0, 0)), np.empty((0, 0)), np.empty(0), np.empty((0, 0)))
+SERIES_REACH = 1e-5
 
 
 @kernel
@@ -39,11 +40,16 @@ def first_order(ndf, shape, amp, plane, ci, co, gauss):
 
 @kernel
 def evaluate(theta_i, theta_o, phi, phi_i, ndf, alpha_x, alpha_y, fresnel, series, sums, work, acc):
-    """Fill acc (P, 1, W) with the BRDF (1/sr) by order and wavelength at one pair of directions."""
+    """Fill acc with the BRDF (1/sr) by order and wavelength at one pair of directions and return it as (P, W).
+
+    acc is (P, 1, W), or (P, W, 1) when the products of reflectances come from the series of log F.
+    """
     acc[:] = 0.0
+    size = work[2].shape[1]
+    flat_acc = acc.reshape((acc.shape[0], size))
     si, ci, so, co, hx, hy, ox = pair(theta_i, theta_o, phi)
     if min(ci, co) <= HORIZON:
-        return
+        return flat_acc
     plane = groove_plane(si, ci, so, co, hx, hy, ox)
     sin_h, cos_h, i_h, big_l = plane[0], plane[1], plane[2], plane[3]
     flat = math.hypot(hx, hy)
@@ -52,7 +58,7 @@ def evaluate(theta_i, theta_o, phi, phi_i, ndf, alpha_x, alpha_y, fresnel, serie
         cp, sp = math.cos(phi_i), math.sin(phi_i)
         cos_a, sin_a = (hx * cp - hy * sp) / flat, (hx * sp + hy * cp) / flat
     shape, amp = shape_at(ndf, alpha_x, alpha_y, cos_a, sin_a)
-    k_explicit, k_cap, tail, gauss, fine, masking_gauss = sums
+    k_explicit, k_cap, tail, gauss, fine, masking_gauss, pair_from = sums
     value, big_m, small_m = first_order(ndf, shape, amp, plane, ci, co, masking_gauss)
     kind, a, b, table = fresnel
     if k_cap >= 2 and sin_h >= MIRROR:
@@ -62,28 +68,36 @@ def evaluate(theta_i, theta_o, phi, phi_i, ndf, alpha_x, alpha_y, fresnel, serie
             depth += tangent * tangent
         elif ndf == 2:
             depth -= shape * math.log(cos_h)
-        rule = (gauss, fine, depth)
+        rule = (gauss, fine, depth, pair_from)
+        powers = series[1]
+        power = 1.0
+        for p in range(powers.shape[0]):
+            power *= big_l
+            powers[p, 0] = power
         add_bounces(big_m, small_m, ndf, shape, 0.0, k_explicit, k_cap, tail, rule, fresnel, big_l, series, work, acc)
         front = amp * big_l / (4.0 * i_h * ci * co * sin_h)
         for p in range(acc.shape[0]):
-            for w in range(acc.shape[2]):
-                acc[p, 0, w] *= front
+            for w in range(size):
+                flat_acc[p, w] *= front
     first = work[2][0]
     for w in range(first.size):
         first[w] = value
     multiply(kind, a, b, table, i_h, first)
     for w in range(first.size):
-        acc[0, 0, w] += first[w]
+        flat_acc[0, w] += first[w]
+    return flat_acc
 
 
 @parallel_kernel
-def _points(theta_i, theta_o, phi, phi_i, ndf, alpha_x, alpha_y, fresnel, weights, series, sums, out):
+def _points(theta_i, theta_o, phi, phi_i, ndf, alpha_x, alpha_y, fresnel, weights, coefficients, sums, out):
     for n in numba.prange(theta_i.size):
         size = weights.shape[0]
-        acc = np.empty((out.shape[1], 1, size))
-        work = (np.empty(CUTS), np.empty(CUTS), np.empty((2, size)), np.empty((1, 2)))
-        evaluate(theta_i[n], theta_o[n], phi[n], phi_i[n], ndf, alpha_x, alpha_y, fresnel, series, sums, work, acc)
-        project(acc[:, 0, :], weights, out[n])
+        degree = coefficients.shape[1]
+        acc = np.empty((out.shape[1], size, 1) if degree else (out.shape[1], 1, size))
+        work = (np.empty(CUTS), np.empty(CUTS), np.empty((2, size)), np.empty((NODES if degree else 1, 2)))
+        series = (coefficients, np.empty((degree, 1)), np.empty(degree), np.empty((size, 1)))
+        by_order = evaluate(theta_i[n], theta_o[n], phi[n], phi_i[n], ndf, alpha_x, alpha_y, fresnel, series, sums, work, acc)
+        project(by_order, weights, out[n])
 
 
 def rule(tolerance: float) -> tuple[int, int, int, bool]:
@@ -100,9 +114,14 @@ def arrays(setup: Setup, tolerance: float) -> tuple[Any, ...]:
     assert setup.fresnel is not None
     k_explicit, tail, nodes, fine = rule(tolerance)
     k_cap = NO_CAP if setup.max_bounces is None else setup.max_bounces
-    sums = (k_explicit, k_cap, unit_gauss(tail), unit_gauss(nodes), fine, unit_gauss(20))
+    sums = (k_explicit, k_cap, unit_gauss(tail), unit_gauss(nodes), fine, unit_gauss(20), 4.0 if tolerance >= 1e-4 else math.inf)
     weights = np.ascontiguousarray(setup.fresnel.weights)
-    return setup.ndf, setup.alpha_x, setup.alpha_y, arguments(setup.fresnel, tolerance), weights, NO_SERIES, sums
+    coefficients = None
+    if setup.fresnel.kind != 0 and tolerance >= 0.999 * SERIES_REACH:
+        coefficients = fit(setup.fresnel, 0.02 * tolerance)
+    if coefficients is None:
+        coefficients = np.empty((weights.shape[0], 0))
+    return setup.ndf, setup.alpha_x, setup.alpha_y, arguments(setup.fresnel, tolerance), weights, coefficients, sums
 
 
 def points(
@@ -139,8 +158,8 @@ def points(
     return out
 
 
-def prepare(setup: Setup, tolerance: float) -> Any:
+def prepare(setup: Setup, tolerance: float, trial: bool = False) -> Any:
     """Return the interpolant that serves isotropic tables at loose tolerance, or None (then evaluate directly)."""
     from brdftab.models.vgroove_nonsym.interpolant import build
 
-    return build(setup, tolerance)
+    return build(setup, tolerance, trial)

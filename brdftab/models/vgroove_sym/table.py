@@ -33,17 +33,18 @@ REACH = 1e-5
 # orders up to this one add up the powers of their cosines bounce by bounce, longer ones by the expansion
 DIRECT = 24
 FIRST_CELLS = 4096
-# degrees of log F: few, because each is compiled by itself (its loops are unrolled)
-DEGREES = (12, 20)
+# degree of log F as a polynomial: fixed, so that the loops over it are unrolled
+DEGREE = 14
 
 # one scratch array holds named rows of LANES numbers: fixed distances let the compiler prove that rows do not overlap
-LANES = 96
+LANES = 184
 CI, CO, SI, SO, HX, HY, OX = (LANES * n for n in range(7))
 I_H, BIG_L, FIRST, FRONT, FAINT, BIG, D, TH, S_BIG, C_BIG, S_SMALL, C_SMALL, Y_MIN = (LANES * n for n in range(7, 20))
 Z, REACHES, END, SIN_T, SIN_Q, SY, CY, VALUE, TOTAL = (LANES * n for n in range(20, 29))
 ROWS = 29
+BEFORE, MEAN, POWER_A, POWER_B, LOWER_A, LOWER_B, LENGTHS = (LANES * n for n in range(7))
 # a batch of terms: owner cell aside, value, geometry of the chain and sums of powers 1, 2, ... of the cosines
-TERMS = 256
+TERMS = 264
 AMOUNT, LENGTH, S_NOW, C_NOW, S_STEP, C_STEP, NOW, SUMS = (TERMS * n for n in range(8))
 
 
@@ -119,11 +120,11 @@ def _frame(n, lanes):
 
 
 @kernel
-def _distribute(ndf, shape, low, high, sines, cosines, lanes):
+def _distribute(ndf, shape, n, sines, cosines, lanes):
     """Multiply VALUE by the density of facets whose tilts have these sines and cosines (offsets of two rows)."""
     if ndf == 0:
         a2 = 1.0 / (shape * shape)
-        for p in range(low, high):
+        for p in range(n):
             s, c = lanes[sines + p], lanes[cosines + p]
             c2 = 1.0 / (c * c)
             e = s * s * c2 * a2
@@ -131,12 +132,12 @@ def _distribute(ndf, shape, low, high, sines, cosines, lanes):
             lanes[VALUE + p] *= value if e < 700.0 else 0.0
     elif ndf == 1:
         a2 = shape * shape
-        for p in range(low, high):
+        for p in range(n):
             s, c = lanes[sines + p], lanes[cosines + p]
             d = a2 * c * c + s * s
             lanes[VALUE + p] *= a2 / (PI * d * d)
     else:
-        for p in range(low, high):
+        for p in range(n):
             if lanes[VALUE + p] > 0.0:
                 lanes[VALUE + p] *= density(ndf, shape, lanes[cosines + p], lanes[sines + p])
 
@@ -179,21 +180,22 @@ def _family(family, n, lanes):
 
 
 @kernel
-def _order(ndf, shape, k, sin_k, cos_k, low, high, lanes):
+def _order(ndf, shape, k, sin_k, cos_k, n, lanes):
     """Write D(a) w sin(a)/k of order k to VALUE, and sine and cosine of y to SY and CY."""
-    inverse = 1.0 / k
-    for p in range(low, high):
+    order = float(k)
+    inverse = 1.0 / order
+    for p in range(n):
         s, c = sincos_small(lanes[Z + p] * inverse)
         sy, cy = sin_k * c + cos_k * s, cos_k * c - sin_k * s
         beam = beam_symmetric(sy, cy, lanes[SIN_T + p], lanes[C_BIG + p], lanes[SIN_Q + p], lanes[C_SMALL + p])
         lanes[SY + p] = sy
         lanes[CY + p] = cy
-        lanes[VALUE + p] = max(beam, 0.0) * cy * inverse if lanes[END + p] > k else 0.0
-    _distribute(ndf, shape, low, high, CY, SY, lanes)
+        lanes[VALUE + p] = max(beam, 0.0) * cy * inverse if lanes[END + p] > order else 0.0
+    _distribute(ndf, shape, n, CY, SY, lanes)
 
 
 @kernel
-def _push_chains(k, low, high, terms, tag, lanes, batch, owners):
+def _push_chains(k, low, high, terms, lanes, batch, owners):
     """Append the terms of order k that are not faint to the batch, with their power sums over the k bounces."""
     start = terms
     for p in range(low, high):
@@ -207,68 +209,100 @@ def _push_chains(k, low, high, terms, tag, lanes, batch, owners):
             batch[S_STEP + terms] = 2.0 * sy * cy
             batch[C_STEP + terms] = (cy - sy) * (cy + sy)
             terms += 1
-    for t in range(start, terms):
-        for q in range(len(tag)):
-            batch[SUMS + q * TERMS + t] = 0.0
+    fresh = batch[start:]
+    count = terms - start
+    for n in range(DEGREE):
+        row = fresh[SUMS + n * TERMS :]
+        for t in range(count):
+            row[t] = 0.0
     for _ in range(k):
-        for t in range(start, terms):
-            s, c = batch[S_NOW + t], batch[C_NOW + t]
-            ss, cs = batch[S_STEP + t], batch[C_STEP + t]
-            x = max(batch[LENGTH + t] * s, 0.0)
-            z = x
-            for q in range(len(tag)):
-                batch[SUMS + q * TERMS + t] += z
-                z *= x
-            batch[S_NOW + t] = s * cs + c * ss
-            batch[C_NOW + t] = c * cs - s * ss
+        _add_powers(count, fresh)
     return terms
 
 
 @kernel
-def _expand(low, high, tag, lanes, expansion):
-    """Write, for each power, the coefficients of k, 1/k and 1/k^3 in the sum over k evenly spaced bounces."""
-    for p in range(low, high):
-        sa, ca = -lanes[SIN_T + p], lanes[C_BIG + p]
-        sb, cb = -lanes[SIN_Q + p], -lanes[C_SMALL + p]
-        big_l, span = lanes[BIG_L + p], 2.0 * lanes[REACHES + p]
-        inverse, cube = 1.0 / span, span * span * span * (7.0 / 5760.0)
-        # integrals of sin^(q-1) and sin^q; powers q - 1 and q - 3 of the sines at both ends
-        before, mean = span, ca - cb
-        pa, pb, ra, rb = 1.0, 1.0, 0.0, 0.0
-        power = big_l
-        for n in range(len(tag)):
-            q = n + 1.0
-            if n > 0:
-                after = (ca * pa - cb * pb) / q + n / q * before
-                before = mean
-                mean = after
-            third_b = cb * (n * (n - 1.0) * cb * cb * rb - (3.0 * n + 1.0) * pb)
-            third_a = ca * (n * (n - 1.0) * ca * ca * ra - (3.0 * n + 1.0) * pa)
-            expansion[3 * n * LANES + p] = power * mean * inverse
-            expansion[(3 * n + 1) * LANES + p] = power * span * (q / 24.0) * (ca * pa - cb * pb)
-            expansion[(3 * n + 2) * LANES + p] = power * cube * q * (third_b - third_a)
-            ra = 1.0 if n == 1 else ra * sa
-            rb = 1.0 if n == 1 else rb * sb
-            pa *= sa
-            pb *= sb
-            power *= big_l
+def _add_powers(count, batch):
+    """Add the powers 1 to DEGREE of the present bounce's cosines and go on to the next bounce."""
+    for t in range(count):
+        s, c = batch[S_NOW + t], batch[C_NOW + t]
+        ss, cs = batch[S_STEP + t], batch[C_STEP + t]
+        x = max(batch[LENGTH + t] * s, 0.0)
+        batch[S_NOW + t] = s * cs + c * ss
+        batch[C_NOW + t] = c * cs - s * ss
+        # written out: a loop here would keep the compiler from vectorising the loop over terms
+        x2 = x * x
+        x3, x4 = x2 * x, x2 * x2
+        x5, x6, x7 = x4 * x, x4 * x2, x4 * x3
+        x8 = x4 * x4
+        batch[SUMS + t] += x
+        batch[SUMS + TERMS + t] += x2
+        batch[SUMS + 2 * TERMS + t] += x3
+        batch[SUMS + 3 * TERMS + t] += x4
+        batch[SUMS + 4 * TERMS + t] += x5
+        batch[SUMS + 5 * TERMS + t] += x6
+        batch[SUMS + 6 * TERMS + t] += x7
+        batch[SUMS + 7 * TERMS + t] += x8
+        batch[SUMS + 8 * TERMS + t] += x8 * x
+        batch[SUMS + 9 * TERMS + t] += x8 * x2
+        batch[SUMS + 10 * TERMS + t] += x8 * x3
+        batch[SUMS + 11 * TERMS + t] += x8 * x4
+        batch[SUMS + 12 * TERMS + t] += x8 * x5
+        batch[SUMS + 13 * TERMS + t] += x8 * x6
 
 
 @kernel
-def _push_expanded(value, k, p, terms, tag, expansion, batch, owners):
+def _expand(n, lanes, state, expansion):
+    """Write, for each power, the coefficients of k, 1/k and 1/k^3 in the sum over k evenly spaced bounces."""
+    for p in range(n):
+        # integrals of sin^(q-2) and sin^(q-1) over the span; sin^(q-1) and sin^(q-3) at both ends; L^q
+        state[BEFORE + p] = 0.0
+        state[MEAN + p] = 2.0 * lanes[REACHES + p]
+        state[POWER_A + p] = 1.0
+        state[POWER_B + p] = 1.0
+        state[LOWER_A + p] = 0.0
+        state[LOWER_B + p] = 0.0
+        state[LENGTHS + p] = lanes[BIG_L + p]
+    for m in range(DEGREE):
+        q = m + 1.0
+        odds, both, step = m * (m - 1.0), 3.0 * m + 1.0, m / q
+        out = expansion[3 * m * LANES :]
+        start = 1.0 if m == 1 else 0.0
+        for p in range(n):
+            sa, ca = -lanes[SIN_T + p], lanes[C_BIG + p]
+            sb, cb = -lanes[SIN_Q + p], -lanes[C_SMALL + p]
+            span = 2.0 * lanes[REACHES + p]
+            pa, pb, ra, rb = state[POWER_A + p], state[POWER_B + p], state[LOWER_A + p], state[LOWER_B + p]
+            power, before = state[LENGTHS + p], state[BEFORE + p]
+            mean = (ca * pa - cb * pb) * (1.0 / q) + step * before
+            third_a = ca * (odds * ca * ca * ra - both * pa)
+            third_b = cb * (odds * cb * cb * rb - both * pb)
+            out[p] = power * mean / span
+            out[LANES + p] = power * span * (q / 24.0) * (ca * pa - cb * pb)
+            out[2 * LANES + p] = power * span * span * span * (7.0 / 5760.0 * q) * (third_b - third_a)
+            state[BEFORE + p] = state[MEAN + p]
+            state[MEAN + p] = mean
+            state[LOWER_A + p] = start + ra * sa
+            state[LOWER_B + p] = start + rb * sb
+            state[POWER_A + p] = pa * sa
+            state[POWER_B + p] = pb * sb
+            state[LENGTHS + p] = power * lanes[BIG_L + p]
+
+
+@kernel
+def _push_expanded(value, k, p, terms, expansion, batch, owners):
     """Append one term of (real) order k, its power sums by expansion."""
     owners[terms] = p
     batch[AMOUNT + terms] = value
     inverse = 1.0 / k
     cube = inverse * inverse * inverse
-    for n in range(len(tag)):
-        a, b, c = expansion[3 * n * LANES + p], expansion[(3 * n + 1) * LANES + p], expansion[(3 * n + 2) * LANES + p]
-        batch[SUMS + n * TERMS + terms] = k * a + inverse * b + cube * c
+    for m in range(DEGREE):
+        a, b, c = expansion[3 * m * LANES + p], expansion[(3 * m + 1) * LANES + p], expansion[(3 * m + 2) * LANES + p]
+        batch[SUMS + m * TERMS + terms] = k * a + inverse * b + cube * c
     return terms + 1
 
 
 @kernel
-def _flush(terms, tag, coefficients, weights, batch, owners, projected, sums):
+def _flush(terms, coefficients, weights, batch, owners, projected, sums):
     """Add the terms of the batch, times exp(sum_q a_q S_q) a wavelength, to the channels of their cells."""
     size, channels = weights.shape
     for c in range(channels):
@@ -277,11 +311,15 @@ def _flush(terms, tag, coefficients, weights, batch, owners, projected, sums):
     for w in range(size):
         a = coefficients[w]
         for t in range(terms):
-            z = 0.0
-            for q in range(len(tag)):
-                z += a[q] * batch[SUMS + q * TERMS + t]
-            # exp(z) = (exp(z/64))^64, and nothing below exp(-16)
-            y = max(z * 0.015625, -0.25)
+            z = a[0] * batch[SUMS + t] + a[1] * batch[SUMS + TERMS + t] + a[2] * batch[SUMS + 2 * TERMS + t]
+            z += a[3] * batch[SUMS + 3 * TERMS + t] + a[4] * batch[SUMS + 4 * TERMS + t]
+            z += a[5] * batch[SUMS + 5 * TERMS + t] + a[6] * batch[SUMS + 6 * TERMS + t]
+            z += a[7] * batch[SUMS + 7 * TERMS + t] + a[8] * batch[SUMS + 8 * TERMS + t]
+            z += a[9] * batch[SUMS + 9 * TERMS + t] + a[10] * batch[SUMS + 10 * TERMS + t]
+            z += a[11] * batch[SUMS + 11 * TERMS + t] + a[12] * batch[SUMS + 12 * TERMS + t]
+            z += a[13] * batch[SUMS + 13 * TERMS + t]
+            # exp(z) = (exp(z/64))^64, and nothing below exp(-32)
+            y = max(z * 0.015625, -0.5)
             e = 1.0 + y * (1.0 + y * (0.5 + y * (1 / 6 + y * (1 / 24 + y * (1 / 120)))))
             e *= e
             e *= e
@@ -301,7 +339,7 @@ def _flush(terms, tag, coefficients, weights, batch, owners, projected, sums):
 
 
 @kernel
-def _tail(k, k_last, p, ndf, shape, mirror, gauss, tag, lanes, terms, expansion, batch, owners):
+def _tail(k, k_last, p, ndf, shape, mirror, gauss, lanes, terms, expansion, batch, owners):
     """Add the orders k, k + 2, ... to the end of the family as half the integral over the order, in x = 1/order."""
     reach, big = lanes[REACHES + p], lanes[BIG + p]
     sin_t, sin_q, cos_t, cos_q = lanes[SIN_T + p], lanes[SIN_Q + p], lanes[C_BIG + p], lanes[C_SMALL + p]
@@ -324,7 +362,7 @@ def _tail(k, k_last, p, ndf, shape, mirror, gauss, tag, lanes, terms, expansion,
             if mirror:
                 lanes[TOTAL + p] += value
             elif value > lanes[FAINT + p]:
-                terms = _push_expanded(value, 1.0 / x, p, terms, tag, expansion, batch, owners)
+                terms = _push_expanded(value, 1.0 / x, p, terms, expansion, batch, owners)
     return terms
 
 
@@ -333,8 +371,8 @@ def _higher_orders(n, distribution, orders, optics, lanes, scratch):
     """Add the orders from two on of n cells to TOTAL (F = 1) or to the sums a channel."""
     ndf, shape, _ = distribution
     steps, k_explicit, k_cap, gauss = orders
-    mirror, tag, coefficients, weights = optics[:4]
-    expansion, batch, owners, projected, sums = scratch
+    mirror, coefficients, weights = optics[:3]
+    state, expansion, batch, owners, projected, sums = scratch
     terms = 0
     for family in range(4):
         _family(family, n, lanes)
@@ -349,25 +387,25 @@ def _higher_orders(n, distribution, orders, optics, lanes, scratch):
             if low == high or k > k_cap:
                 break
             if not (mirror or expanded) and k > DIRECT:
-                _expand(low, high, tag, lanes, expansion)
+                _expand(high - low, lanes[low:], state, expansion[low:])
                 expanded = True
             if k > k_explicit:
                 break
-            _order(ndf, shape, k, steps[0, k], steps[1, k], low, high, lanes)
+            _order(ndf, shape, k, steps[0, k], steps[1, k], high - low, lanes[low:])
             if mirror:
                 for p in range(low, high):
                     lanes[TOTAL + p] += lanes[VALUE + p]
             else:
                 if terms + high - low > TERMS:
-                    _flush(terms, tag, coefficients, weights, batch, owners, projected, sums)
+                    _flush(terms, coefficients, weights, batch, owners, projected, sums)
                     terms = 0
                 if k <= DIRECT:
-                    terms = _push_chains(k, low, high, terms, tag, lanes, batch, owners)
+                    terms = _push_chains(k, low, high, terms, lanes, batch, owners)
                 else:
                     for p in range(low, high):
                         if lanes[VALUE + p] > lanes[FAINT + p]:
                             terms = _push_expanded(
-                                lanes[VALUE + p], float(k), p, terms, tag, expansion, batch, owners
+                                lanes[VALUE + p], float(k), p, terms, expansion, batch, owners
                             )
             k += 2
         if low < high and k <= k_cap:
@@ -375,23 +413,23 @@ def _higher_orders(n, distribution, orders, optics, lanes, scratch):
             for p in range(low, high):
                 if lanes[END + p] > k:
                     if not mirror and terms + 3 * gauss.shape[1] > TERMS:
-                        _flush(terms, tag, coefficients, weights, batch, owners, projected, sums)
+                        _flush(terms, coefficients, weights, batch, owners, projected, sums)
                         terms = 0
                     terms = _tail(
-                        k, k_last, p, ndf, shape, mirror, gauss, tag, lanes, terms, expansion, batch, owners
+                        k, k_last, p, ndf, shape, mirror, gauss, lanes, terms, expansion, batch, owners
                     )
     if terms > 0:
-        _flush(terms, tag, coefficients, weights, batch, owners, projected, sums)
+        _flush(terms, coefficients, weights, batch, owners, projected, sums)
 
 
 @kernel
 def _chunk(n, distribution, orders, optics, lanes, scratch, out):
     """Write the BRDF (1/sr) of n <= LANES cells, whose directions stand in the first rows of `lanes`, to out (n, C)."""
     ndf, shape, depth = distribution
-    mirror, _, _, _, first_f, faint = optics
-    sums = scratch[4]
+    mirror, _, _, first_f, faint = optics
+    sums = scratch[5]
     _frame(n, lanes)
-    _distribute(ndf, shape, 0, n, SY, CY, lanes)
+    _distribute(ndf, shape, n, SY, CY, lanes)
     _depths(ndf, shape, depth, n, lanes)
     for p in range(n):
         value = lanes[VALUE + p]
@@ -416,11 +454,12 @@ def _chunk(n, distribution, orders, optics, lanes, scratch, out):
 
 
 @kernel
-def _scratch(degree, channels):
+def _scratch(channels):
     """Return what one thread needs: lanes, the scratch of the higher orders, and a chunk's values."""
     higher = (
-        np.empty(3 * degree * LANES),
-        np.empty(SUMS + degree * TERMS),
+        np.empty(7 * LANES),
+        np.empty(3 * DEGREE * LANES),
+        np.empty(SUMS + DEGREE * TERMS),
         np.empty(TERMS, np.int64),
         np.empty(channels * TERMS),
         np.empty(channels * LANES),
@@ -446,7 +485,7 @@ def _points(theta_i, theta_o, phi, distribution, orders, optics, out):
     size = theta_i.size
     chunks = (size + LANES - 1) // LANES
     for chunk in numba.prange(chunks):
-        lanes, scratch, value = _scratch(len(optics[1]), out.shape[1])
+        lanes, scratch, value = _scratch(out.shape[1])
         start = chunk * LANES
         n = min(LANES, size - start)
         for p in range(n):
@@ -461,7 +500,7 @@ def _fill(theta_i, theta_o, cos_half, sin_phi, square, distribution, orders, opt
     for index in numba.prange(rows):
         # long and short rows of the triangle in turn, so that all threads get the same work
         i = index // 2 if index % 2 == 0 else rows - 1 - index // 2
-        lanes, scratch, value = _scratch(len(optics[1]), channels)
+        lanes, scratch, value = _scratch(channels)
         si, ci = math.sin(theta_i[i]), math.cos(theta_i[i])
         for o in range(i + 1 if square else columns):
             so, co = math.sin(theta_o[o]), math.cos(theta_o[o])
@@ -481,7 +520,7 @@ def _fill(theta_i, theta_o, cos_half, sin_phi, square, distribution, orders, opt
 
 
 def _log_polynomial(fresnel: Fresnel, tolerance: float) -> np.ndarray | None:
-    """Return coefficients (W, P) of log F without constant term, or None if no degree reaches the tolerance.
+    """Return coefficients (W, P) of log F without constant term, or None if they miss the tolerance.
 
     The error of log F is weighted by F: where F is small, products of several are nothing. F(0) = 1 for every kind.
     """
@@ -490,28 +529,25 @@ def _log_polynomial(fresnel: Fresnel, tolerance: float) -> np.ndarray | None:
     if not (value > 0.0).all():
         return None
     logs = np.log(value)
-    for degree in DEGREES:
-        basis = cosine[:, None] ** np.arange(1, degree + 1)
-        rows = [np.linalg.lstsq(basis * f[:, None], g * f, rcond=None)[0] for f, g in zip(value.T, logs.T, strict=True)]
-        if np.abs((basis @ np.transpose(rows) - logs) * value).max() <= tolerance:
-            return np.array(rows)
-    return None
+    basis = cosine[:, None] ** np.arange(1, DEGREE + 1)
+    rows = [np.linalg.lstsq(basis * f[:, None], g * f, rcond=None)[0] for f, g in zip(value.T, logs.T, strict=True)]
+    error = np.abs((basis @ np.transpose(rows) - logs) * value).max()
+    return np.array(rows) if error <= tolerance else None
 
 
 def _optics(fresnel: Fresnel, tolerance: float) -> tuple[Any, ...] | None:
     """Return the reflectance as the kernels take it, or None if no polynomial of log F holds the tolerance."""
     if fresnel.kind == MIRROR:
         nothing = np.empty((1, 0))
-        return True, (0.0,) * DEGREES[0], nothing, nothing, nothing, 0.0
-    coefficients = _log_polynomial(fresnel, 0.1 * tolerance)
+        return True, nothing, nothing, nothing, 0.0
+    coefficients = _log_polynomial(fresnel, 0.2 * tolerance)
     if coefficients is None:
         return None
     first = reflectance(fresnel, np.linspace(0.0, 1.0, FIRST_CELLS + 1)) @ fresnel.weights
     # a term of the sum this much smaller than the first order is left out
     faint = 3e-3 * tolerance * max(float(first.max(axis=1).min()), 0.0)
     weights = np.ascontiguousarray(fresnel.weights)
-    # the length of the first tuple is the degree, known when the kernels are compiled
-    return False, (0.0,) * coefficients.shape[1], coefficients, weights, np.ascontiguousarray(first), faint
+    return False, coefficients, weights, np.ascontiguousarray(first), faint
 
 
 def _explicit(tolerance: float) -> tuple[int, int]:
@@ -559,7 +595,7 @@ class Prepared:
         _fill(theta_i, theta_o, np.cos(0.5 * phi), np.sin(phi), square, *self._arguments, out)
 
 
-def prepare(setup: Setup, tolerance: float) -> Prepared | None:
+def prepare(setup: Setup, tolerance: float, trial: bool = False) -> Prepared | None:
     """Return the fast evaluation of an isotropic setup, or None where it cannot hold the tolerance.
 
     Parameters

@@ -1,0 +1,145 @@
+"""One table of cases with values that are known exactly or were computed by independent means.
+
+Angles are degrees, values 1/sr without cosine. Tests iterate `CASES`; `test_cases.py` tests the table itself.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+PI = math.pi
+TAGS = {"closed", "reference", "horizon", "fresnel", "anisotropic", "components", "colour"}
+REFERENCE = json.loads((Path(__file__).parent / "reference" / "vgroove.json").read_text())["points"]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A model at one pair of directions with the value it must have.
+
+    `parts` holds components that must come out too; rtol has an absolute floor of 1e-12/sr.
+    """
+
+    name: str
+    model: str
+    parameters: dict[str, Any]
+    angles: tuple[float, float, float]
+    value: tuple[float, ...]
+    source: str
+    phi_i: float = 0.0
+    parts: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    rtol: float = 1e-12
+    tags: frozenset[str] = frozenset({"closed"})
+
+
+def _smith_ggx(alpha: float, theta_i: float, theta_o: float) -> float:
+    """Write out D G2/(4 cos cos) of height-correlated GGX in the plane of incidence, retro side (phi = 0)."""
+    ti, to = math.radians(theta_i), math.radians(theta_o)
+    tilt = math.tan(0.5 * (ti + to))
+    d = 1.0 / (PI * alpha**2 * math.cos(0.5 * (ti + to)) ** 4 * (1.0 + (tilt / alpha) ** 2) ** 2)
+    lambdas = [0.5 * (math.sqrt(1.0 + (alpha * math.tan(t)) ** 2) - 1.0) for t in (ti, to)]
+    return d / (1.0 + sum(lambdas)) / (4.0 * math.cos(ti) * math.cos(to))
+
+
+def _qualitative(kd: float, sigma: float, theta_i: float, theta_o: float, phi: float) -> float:
+    """Write out Oren and Nayar's Eq. 30; degrees."""
+    ti, to, p, s2 = math.radians(theta_i), math.radians(theta_o), math.radians(phi), math.radians(sigma) ** 2
+    a, b = 1.0 - 0.5 * s2 / (s2 + 0.33), 0.45 * s2 / (s2 + 0.09)
+    return kd / PI * (a + b * max(0.0, math.cos(p)) * math.sin(max(ti, to)) * math.tan(min(ti, to)))
+
+
+def _conductor(n: float, k: float) -> float:
+    return ((n - 1.0) ** 2 + k * k) / ((n + 1.0) ** 2 + k * k)
+
+
+def _references() -> list[Case]:
+    """Return the points of reference/vgroove.json, verified there by two independent methods."""
+    found = []
+    for number, point in enumerate(REFERENCE):
+        rough = {"alpha": point["alpha_x"]}
+        anisotropic = point["alpha_x"] != point["alpha_y"]
+        if anisotropic:
+            rough = {"alpha_x": point["alpha_x"], "alpha_y": point["alpha_y"]}
+        found.append(
+            Case(
+                name=f"{point['model']} reference {number}",
+                model=point["model"],
+                parameters={"ndf": point["ndf"], **rough, "material": "mirror"},
+                angles=(point["theta_i_deg"], point["theta_o_deg"], point["phi_o_deg"] - point["phi_i_deg"]),
+                phi_i=point["phi_i_deg"],
+                value=(point["total"],),
+                parts={f"order{k}": (value,) for k, value in enumerate(point["orders"], start=1)},
+                source="reference/vgroove.json",
+                rtol=1e-7,
+                tags=frozenset({"reference", "components"} | ({"anisotropic"} if anisotropic else set())),
+            )
+        )
+    return found
+
+
+# at normal incidence and view D(0) = 1/(pi alpha^2), G = 1: f = F/(4 pi alpha^2)
+_AT_NORMAL = 1.0 / (4.0 * PI * 0.25)
+_NORMAL = (0.0, 0.0, 0.0)
+_GGX = {"ndf": "ggx", "alpha": 0.5}
+
+
+def _facets(model: str, **more: Any) -> list[Case]:
+    """Return what every single-bounce model of facets must give at normal incidence, by source of the reflectance."""
+    fresnel: dict[str, tuple[dict[str, Any], tuple[float, ...]]] = {
+        "mirror": ({"material": "mirror"}, (1.0,)),
+        "dielectric": ({"ior": 1.5}, (0.04,)),
+        "Schlick": ({"f0": [0.9, 0.6, 0.3]}, (0.9, 0.6, 0.3)),
+        "conductor": ({"eta": 2.91, "k": 3.09}, (_conductor(2.91, 3.09),)),
+        "wavelengths": (
+            {"eta": [1.5, 0.2], "k": [1.9, 3.5], "wavelengths": [450.0, 650.0]},
+            (_conductor(1.5, 1.9), _conductor(0.2, 3.5)),
+        ),
+    }
+    return [
+        Case(
+            name=f"{model} {word} at normal incidence",
+            model=model,
+            parameters={**_GGX, **optics, **more},
+            angles=_NORMAL,
+            value=tuple(_AT_NORMAL * f for f in factors),
+            source="D(0) F/4",
+            tags=frozenset({"closed", "fresnel"}),
+        )
+        for word, (optics, factors) in fresnel.items()
+    ]
+
+
+CASES: tuple[Case, ...] = (
+    Case("lambert", "lambert", {"kd": 0.3}, (10.0, 70.0, 33.0), (0.3 / PI,), "kd/pi"),
+    Case(
+        "lambert in colour", "lambert", {"kd": [0.1, 0.2, 1.0]}, (80.0, 0.0, 180.0), (0.1 / PI, 0.2 / PI, 1.0 / PI),
+        "kd/pi", tags=frozenset({"closed", "colour"}),
+    ),
+    Case("lambert seen from below", "lambert", {}, (10.0, 91.0, 0.0), (0.0,), "horizon", tags=frozenset({"horizon"})),
+    Case("oren-nayar without tilt", "oren-nayar", {"kd": 0.5, "sigma": 0.0}, (50.0, 60.0, 20.0), (0.5 / PI,), "Eqs. 27-29"),
+    Case(
+        "oren-nayar qualitative, retro", "oren-nayar", {"kd": 0.9, "sigma": math.radians(30.0), "variant": "qualitative"},
+        (60.0, 40.0, 25.0), (_qualitative(0.9, 30.0, 60.0, 40.0, 25.0),), "Eq. 30",
+    ),
+    Case(
+        "oren-nayar qualitative, forward", "oren-nayar",
+        {"kd": 0.9, "sigma": math.radians(30.0), "variant": "qualitative"},
+        (60.0, 40.0, 150.0), (_qualitative(0.9, 30.0, 60.0, 40.0, 150.0),), "Eq. 30",
+    ),
+    Case(
+        "smith GGX, retro side", "smith", {"ndf": "ggx", "alpha": 0.3, "material": "mirror"},
+        (20.0, 55.0, 0.0), (_smith_ggx(0.3, 20.0, 55.0),), "Heitz 2014, Eqs. 72 and 99",
+    ),
+    Case(
+        "smith at grazing view", "smith", {"material": "mirror"}, (30.0, 90.0, 180.0), (0.0,), "horizon",
+        tags=frozenset({"horizon"}),
+    ),
+    *_facets("cook-torrance"),
+    *_facets("smith"),
+    *_facets("vgroove-sym", max_bounces=1),
+    *_facets("vgroove-nonsym", max_bounces=1),
+    *_references(),
+)  # fmt: skip

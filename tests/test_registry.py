@@ -1,0 +1,220 @@
+"""Every model that the registry holds, tested from its own declaration: a new model needs no list here."""
+
+import itertools
+import json
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import brdftab
+from brdftab import models
+from brdftab.cli import main
+from brdftab.cli.options import declared
+from brdftab.errors import ParameterError
+from brdftab.models.setup import component_names, resolve
+
+NAMES = models.names()
+# light, view and relative azimuth in radians: in and off the plane of incidence, near the mirror side, towards grazing
+THETA_I = np.array([0.0, 0.3, 0.8, 1.2, 1.5, 0.05])
+THETA_O = np.array([0.4, 0.9, 0.6, 1.3, 0.2, 1.55])
+PHI = np.array([0.0, 3.0, 1.2, 2.5, 0.4, 3.14])
+PHI_I = np.array([0.0, 0.5, 2.0, 4.0, 5.5, 1.0])
+# no model's sum of rounding errors came near: reciprocity was measured at 5e-13
+RTOL = 1e-10
+
+
+def corners(param):
+    """Return values of one parameter that span its declaration."""
+    if param.kind == "choice":
+        return list(param.choices) or [param.default]
+    low, high = param.bounds
+    if param.kind == "int":
+        return [int(low), 2, 5, 8, int(high)]
+    middle = math.sqrt(low * high) if low > 0.0 and high > 100.0 * low else 0.5 * (low + high)
+    if param.kind == "channels":
+        return [low, middle, high, [low, middle, middle]]
+    return [low, middle, high]
+
+
+def accepted(model, given):
+    """Tell whether a set of parameters resolves."""
+    return refusal(model, given) is None
+
+
+def refusal(model, given):
+    """Return the line with which a set of parameters is refused, or None."""
+    try:
+        resolve(model, **given)
+    except ParameterError as error:
+        return str(error)
+    return None
+
+
+@cache
+def settings(model):
+    """Return the default and, for every parameter, its accepted corners, with a partner where one is needed."""
+    spec = models.spec(model)
+    found = [{}]
+    for param in spec.params:
+        mine = []
+        for value in corners(param):
+            if accepted(model, {param.name: value}):
+                mine.append({param.name: value})
+                continue
+            for other in spec.params:
+                extra = next((v for v in corners(other) if accepted(model, {param.name: value, other.name: v})), None)
+                if other.name != param.name and extra is not None:
+                    mine.append({param.name: value, other.name: extra})
+                    break
+        assert mine, f"no value of {param.name} is accepted by {model}"
+        found += mine
+    for ndf in spec.ndfs:
+        found += [{"ndf": ndf, "alpha": alpha} for alpha in (1e-4, 0.5, 10.0) if accepted(model, {"ndf": ndf, "alpha": alpha})]
+    return found
+
+
+def physical(model, given):
+    """Return the same parameters with perfect mirrors where the model has facets and no other reflectance is given."""
+    sources = {"material", "eta", "ior", "f0", "wavelengths", "spectral_samples"}
+    if any(p.name == "material" for p in models.spec(model).params) and not sources & set(given):
+        return {**given, "material": "mirror"}
+    return given
+
+
+
+CASES = [pytest.param(name, given, id=f"{name} {given}") for name in NAMES for given in settings(name)]
+
+
+def test_registry_is_not_empty():
+    assert {"lambert", "oren-nayar", "cook-torrance", "smith", "vgroove-sym", "vgroove-nonsym"} <= set(NAMES)
+    assert [spec.name for spec in brdftab.models()] == NAMES == sorted(NAMES)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_declaration_is_complete(name):
+    spec = models.spec(name)
+    assert spec.name == name
+    for text in (spec.title, spec.summary, spec.citation, spec.variant):
+        assert text
+        assert "\n" not in text
+    # a model that is older than DOIs says so by an empty one
+    assert spec.doi == "" or spec.doi.startswith("10.")
+    assert spec.components
+    assert len({p.name for p in spec.params}) == len(spec.params)
+    for param in spec.params:
+        assert param.doc
+        assert param.kind in {"float", "int", "channels", "choice"}, param.name
+        if param.kind != "choice":
+            low, high = param.bounds
+            assert low < high, param.name
+            assert param.default is None or low <= param.default <= high, param.name
+        elif param.choices:
+            assert param.default in param.choices, param.name
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_parameter_is_an_option_with_its_text(name):
+    help_ = CliRunner().invoke(main, ["tabulate", "--help"]).stdout
+    flat = " ".join(help_.split())
+    for param in models.spec(name).params:
+        assert f"--{param.name.replace('_', '-')} " in flat
+        assert param.name in declared()
+    described = CliRunner().invoke(main, ["models", name]).stdout
+    for param in models.spec(name).params:
+        assert f"--{param.name.replace('_', '-')} " in described
+    assert models.spec(name).citation.split(":")[0] in described
+
+
+def test_shared_names_mean_the_same():
+    for one, other in itertools.combinations(NAMES, 2):
+        mine, theirs = ({p.name: p for p in models.spec(n).params} for n in (one, other))
+        for name in set(mine) & set(theirs):
+            a, b = mine[name], theirs[name]
+            assert (a.unit, a.kind, a.choices) == (b.unit, b.kind, b.choices), (one, other, name)
+
+
+@pytest.mark.parametrize(("name", "given"), CASES)
+def test_values_are_sound(name, given):
+    given = physical(name, given)
+    setup = resolve(name, **given)
+    value = brdftab.evaluate(name, THETA_I, THETA_O, PHI, phi_i=PHI_I, **given)
+    assert value.shape == (THETA_I.size, len(setup.channels))
+    assert np.isfinite(value).all()
+    if setup.channels != ("R", "G", "B"):
+        # projected spectra may leave the gamut of sRGB; a single channel may not
+        assert (value >= 0.0).all()
+    back = brdftab.evaluate(name, THETA_O, THETA_I, -PHI, phi_i=PHI_I + PHI, **given)
+    assert np.allclose(back, value, rtol=RTOL, atol=1e-30)
+    parts = brdftab.evaluate(name, THETA_I, THETA_O, PHI, phi_i=PHI_I, components=True, **given)
+    assert tuple(parts) == component_names(setup, 8)
+    assert np.allclose(sum(parts.values()), value, rtol=1e-9, atol=1e-14)
+
+
+@pytest.mark.parametrize(("name", "given"), CASES)
+def test_parameters_survive_json(name, given):
+    setup = resolve(name, **given)
+    again = resolve(name, **json.loads(json.dumps(setup.parameters, allow_nan=False)))
+    assert again.parameters == setup.parameters
+    assert again.channels == setup.channels
+    there, back = (
+        models.kernel(name).points(s, THETA_I, THETA_O, PHI, PHI_I, orders=0, tolerance=1e-3) for s in (setup, again)
+    )
+    assert there.tobytes() == back.tobytes()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_isotropic_values_depend_on_the_relative_azimuth_only(name):
+    value = brdftab.evaluate(name, THETA_I, THETA_O, PHI, phi_i=PHI_I)
+    assert np.array_equal(value, brdftab.evaluate(name, THETA_I, THETA_O, PHI))
+    assert np.allclose(value, brdftab.evaluate(name, THETA_I, THETA_O, -PHI), rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_values_below_the_horizon_are_zero(name):
+    assert not brdftab.evaluate(name, 0.3, [0.5 * math.pi, 2.0, math.pi], 1.0).any()
+    assert not brdftab.evaluate(name, [0.5 * math.pi, 2.0], 0.3, 1.0).any()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_refusals_name_the_parameter(name):
+    for param in models.spec(name).params:
+        for value in corners(param):
+            line = refusal(name, {param.name: value})
+            assert line is None or (param.name in line and "\n" not in line), line
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_unknown_and_malformed_parameters_are_refused(name):
+    with pytest.raises(ParameterError, match="nonsense is not a parameter"):
+        resolve(name, nonsense=1.0)
+    for param in models.spec(name).params:
+        wrong = ["nonsense", [], {}] if param.kind == "choice" else ["nonsense", math.nan, math.inf, -1e9, [], [[1.0]], {}]
+        for value in wrong:
+            with pytest.raises(ParameterError, match=param.name) as caught:
+                resolve(name, **{param.name: value})
+            assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+def test_table_holds_the_values_of_its_cells(name, dtype):
+    table = brdftab.tabulate(name, "4x4x6", dtype=dtype, tolerance=1e-6)
+    value = brdftab.evaluate(
+        name, table.theta_i[:, None, None], table.theta_o[:, None], table.phi, tolerance=1e-9
+    )
+    plain = np.ones(table.grid.shape, bool)
+    if models.spec(name).singular:
+        plain[tuple(table.grid.mirror_cells().T)] = False
+    assert plain.sum() >= 92
+    assert np.allclose(table.values[plain], value[plain], rtol=2e-6, atol=1e-12)
+    assert np.array_equal(table.values, table.values.transpose(1, 0, 2, 3))
+    error = table.provenance["error"]
+    assert error["met"] == (error["estimate"] <= 1e-6) == (not error["reason"])
+    # averages of mirror cells 22 degrees wide are the one thing that a coarse grid makes hard, and the estimate says so
+    assert error["met"] or (models.spec(name).singular and error["estimate"] < 1e-2)
+    assert table.provenance["model"] == name
+    for key in ("parameters", "kernel_time_s", "total_time_s", "cells_per_s", "citation", "variant", "machine"):
+        assert key in table.provenance
