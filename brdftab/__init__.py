@@ -12,10 +12,10 @@ from brdftab import models
 from brdftab._version import __version__
 
 if TYPE_CHECKING:
-    from brdftab.integrals import albedo
     from brdftab.comparison import compare
     from brdftab.evaluation import evaluate
     from brdftab.grid import Grid
+    from brdftab.integrals import albedo
     from brdftab.io import read, write
     from brdftab.sampling import pdf, sample
     from brdftab.table import Table
@@ -34,7 +34,20 @@ _HOMES = {
     "write": "brdftab.io",
 }
 
-__all__ = ["Grid", "Table", "__version__", "albedo", "compare", "evaluate", "models", "pdf", "read", "sample", "tabulate", "write"]
+__all__ = [
+    "Grid",
+    "Table",
+    "__version__",
+    "albedo",
+    "compare",
+    "evaluate",
+    "models",
+    "pdf",
+    "read",
+    "sample",
+    "tabulate",
+    "write",
+]
 
 
 def __getattr__(name: str) -> Any:

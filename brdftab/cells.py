@@ -31,7 +31,7 @@ def _triangles(a: float, b: float, nodes: int) -> tuple[Array, Array, Array]:
     """Return x, y and weights over the rectangle [0, a] x [0, b] for integrands like 1/hypot(x, y)."""
     u, wu = gauss(nodes)
     v, wv = gauss(nodes + 2)
-    parts = []
+    parts: list[tuple[Array, Array, Array]] = []
     for long, short in ((a, b), (b, a)):
         reach = math.asinh(short / long)
         first = long * u[:, None] + 0.0 * v
@@ -44,7 +44,7 @@ def _triangles(a: float, b: float, nodes: int) -> tuple[Array, Array, Array]:
 def _pair_nodes(
     theta_i: tuple[float, float], theta_o: tuple[float, float], psi: tuple[float, float], nodes: int
 ) -> tuple[Array, Array, Array, Array]:
-    """Return theta_i, theta_o, psi = phi - pi and weights over a pair of cells, graded around theta_o = theta_i, psi = 0.
+    """Return theta_i, theta_o, psi = phi - pi and weights over a pair of cells, graded around the mirror direction.
 
     The difference d of both angles and psi carry the singularity; their mean runs over a range that is linear in d
     between the breakpoints.

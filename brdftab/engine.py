@@ -104,13 +104,13 @@ class Engine:
         for start in range(0, rows, size):
             a = np.arange(start, min(start + size, rows))
             i, o = np.meshgrid(a, np.arange(a[-1] + 1 if square else columns), indexing="ij")
-            i, o = i.reshape(-1), o.reshape(-1)
+            kept = o <= i if square else np.ones(i.shape, dtype=bool)
+            i, o = i[kept], o[kept]
             ti, az = np.ascontiguousarray(incoming[i, 0]), np.ascontiguousarray(incoming[i, 1])
             to, phi = np.ascontiguousarray(outgoing[o, 0]), outgoing[o, 1] - az
             values = self.points(ti, to, phi, az).transpose(1, 0, 2)
-            if square:
-                # the mirrored half first, so that the diagonal keeps one value
-                out[:, o, i] = values
             out[:, i, o] = values
+            if square:
+                out[:, o, i] = values
             if progress is not None:
                 progress((a[-1] + 1.0) / rows)

@@ -22,8 +22,8 @@ MIRROR_FINE = 8
 # values below this (1/sr) are compared absolutely: nothing reflects there
 FLOOR = 1e-9
 DEFINITION = (
-    "largest channel difference over the cell's largest channel (at least 1e-9/sr), the maximum over a stratified subset "
-    "of cells evaluated again by direct quadrature at a hundredth of the tolerance"
+    "largest channel difference over the cell's largest channel (at least 1e-9/sr), the maximum over a stratified "
+    "subset of cells evaluated again by direct quadrature at a hundredth of the tolerance"
 )
 
 
@@ -103,7 +103,12 @@ def averages(engine: Engine, grid: Grid, cells: NDArray[np.int64], nodes: int) -
 
 
 def estimate(
-    setup: Setup, grid: Grid, values: NDArray[np.floating], singular_cells: NDArray[np.int64], tolerance: float, nodes: int
+    setup: Setup,
+    grid: Grid,
+    values: NDArray[np.floating],
+    singular_cells: NDArray[np.int64],
+    tolerance: float,
+    nodes: int,
 ) -> Estimate:
     """Compare a table with a refined evaluation on a stratified subset of its cells.
 

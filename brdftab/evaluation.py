@@ -52,7 +52,7 @@ def singular(setup: Setup, theta_i: Array, theta_o: Array, phi: Array, phi_i: Ar
     found = np.zeros(theta_i.shape, dtype=bool)
     if not setup.model.singular or setup.max_bounces == 1:
         return found
-    si, so = np.sin(theta_i), np.sin(theta_o)
+    so = np.sin(theta_o)
     half = np.cos(0.5 * phi)
     flat = np.hypot(
         2.0 * np.cos(0.5 * (theta_i + theta_o)) * np.sin(0.5 * (theta_i - theta_o)) + 2.0 * so * half * half,
@@ -72,7 +72,13 @@ def singular(setup: Setup, theta_i: Array, theta_o: Array, phi: Array, phi_i: Ar
 
 
 def evaluate_setup(
-    setup: Setup, theta_i: ArrayLike, theta_o: ArrayLike, phi: ArrayLike, phi_i: ArrayLike, orders: int, tolerance: float
+    setup: Setup,
+    theta_i: ArrayLike,
+    theta_o: ArrayLike,
+    phi: ArrayLike,
+    phi_i: ArrayLike,
+    orders: int,
+    tolerance: float,
 ) -> Array:
     """Evaluate a checked setup; returns (..., P, C), P = 1 for orders = 0. Raises as `evaluate`."""
     angles = _directions(theta_i, theta_o, phi, phi_i)
@@ -83,8 +89,8 @@ def evaluate_setup(
         at = int(np.argmax(bad))
         raise SingularDirectionError(
             f"theta_i = {math.degrees(flat[0][at]):g}, theta_o = {math.degrees(flat[1][at]):g}, "
-            f"phi = {math.degrees(flat[2][at]):g} degrees is the mirror direction, where {setup.model.name} has no finite "
-            "value; ask for a direction aside, a cell average (tabulate) or max_bounces = 1"
+            f"phi = {math.degrees(flat[2][at]):g} degrees is the mirror direction, where {setup.model.name} has no "
+            "finite value; ask for a direction aside, a cell average (tabulate) or max_bounces = 1"
         )
     values = models.kernel(setup.model.name).points(setup, *flat, orders=orders, tolerance=tolerance)
     return np.asarray(values).reshape(*shape, *values.shape[1:])

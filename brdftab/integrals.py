@@ -81,9 +81,7 @@ def directional(engine: Engine, theta_i: float, phi_i: float = 0.0, nodes: int =
     return np.einsum("n,npc->pc", weight, values)
 
 
-def albedo(
-    model: str, theta_i: ArrayLike, *, phi_i: float = 0.0, tolerance: float = 1e-4, **parameters: Any
-) -> Array:
+def albedo(model: str, theta_i: ArrayLike, *, phi_i: float = 0.0, tolerance: float = 1e-4, **parameters: Any) -> Array:
     """Integrate f cos(theta_o) over all outgoing directions.
 
     Parameters

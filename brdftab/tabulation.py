@@ -39,7 +39,7 @@ AVERAGE_NODES = (3, 5, 8)
 @contextlib.contextmanager
 def thread_count(threads: int | None) -> Iterator[int]:
     """Run with a number of Numba threads and restore the former one."""
-    most = int(numba.config.NUMBA_NUM_THREADS)
+    most = int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]  # set at run time
     if threads is not None and not (isinstance(threads, int) and 1 <= threads <= most):
         raise ParameterError.out_of_range("threads", threads, f"[1, {most}]", "NUMBA_NUM_THREADS sets the upper end")
     before = numba.get_num_threads()
@@ -57,10 +57,15 @@ def _singular_cells(setup: Setup, grid: Grid) -> NDArray[np.int64]:
         return none
     cells = np.asarray(grid.mirror_cells()).reshape(-1, len(grid.shape))
     axes = grid.axes
-    normal = np.argwhere(np.isclose(axes["theta_i"], 0.0, atol=1e-12)), np.argwhere(np.isclose(axes["theta_o"], 0.0, atol=1e-12))
+    normal = (
+        np.argwhere(np.isclose(axes["theta_i"], 0.0, atol=1e-12)),
+        np.argwhere(np.isclose(axes["theta_o"], 0.0, atol=1e-12)),
+    )
     if normal[0].size and normal[1].size:
         # at normal incidence and view the half vector is the normal for every azimuth
-        ranges = [[0] if name.startswith("theta") else range(n) for name, n in zip(grid.axis_names, grid.shape, strict=True)]
+        ranges = [
+            [0] if name.startswith("theta") else range(n) for name, n in zip(grid.axis_names, grid.shape, strict=True)
+        ]
         cells = np.unique(np.concatenate([cells, np.array(list(itertools.product(*ranges)))]), axis=0)
     if grid.cell != "point" or not len(cells):
         return cells
@@ -72,8 +77,8 @@ def _singular_cells(setup: Setup, grid: Grid) -> NDArray[np.int64]:
         at = int(np.argmax(bad))
         raise SingularDirectionError(
             f"cell = point is refused: the grid holds {int(bad.sum())} mirror directions (theta_i = theta_o = "
-            f"{math.degrees(theta_i[at]):g}, phi = {math.degrees(phi[at]):g} degrees), where {setup.model.name} has no finite "
-            "value; use cell = center or average, or positions aside"
+            f"{math.degrees(theta_i[at]):g}, phi = {math.degrees(phi[at]):g} degrees), where {setup.model.name} has no "
+            "finite value; use cell = center or average, or positions aside"
         )
     return none
 
@@ -95,7 +100,9 @@ def _fill_at(
     engine.fill_azimuths(incoming, outgoing, flat, progress)
 
 
-def _fill_averages(engine: Engine, grid: Grid, nodes: int, out: NDArray[np.floating], progress: Progress | None) -> None:
+def _fill_averages(
+    engine: Engine, grid: Grid, nodes: int, out: NDArray[np.floating], progress: Progress | None
+) -> None:
     """Fill out (P, *grid, C) with cell averages by Gauss nodes along every axis, exactly reciprocal on square grids."""
     rules = [axis_nodes(grid.edges[name], nodes, name.startswith("theta")) for name in grid.axis_names]
     total = np.zeros(out.shape)
@@ -139,7 +146,9 @@ class _Run:
         else:
             _fill(self.engine, self.grid, self.values, progress)
         if len(self.cells):
-            mean = mirror_average(self.engine, self.grid, self.cells, nodes if self.grid.cell == "center" else MIRROR_NODES[0])
+            mean = mirror_average(
+                self.engine, self.grid, self.cells, nodes if self.grid.cell == "center" else MIRROR_NODES[0]
+            )
             self._store(mean)
         self.kernel_time += time.perf_counter() - started
 
@@ -314,7 +323,9 @@ def _verdict(judged: Estimate, tolerance: float, dtype: DTypeLike) -> dict[str, 
         return {"met": False, "reason": "float32 rounds to 6e-8; ask for --dtype float64"}
     return {
         "met": False,
-        "reason": "the finest rule leaves kinks and the mirror singularity inside cells; ask for a finer grid or cell = center",
+        "reason": (
+            "the finest rule leaves kinks and the mirror singularity inside cells; ask for a finer grid or cell = center"
+        ),
     }
 
 
@@ -359,7 +370,9 @@ def retabulate(table: Table, threads: int | None = None) -> Table:
     made = table.provenance
     missing = [key for key in ("model", "parameters", "tolerance", "components") if key not in made]
     if missing:
-        raise ParameterError(f"provenance lacks {', '.join(missing)}; only tables that brdftab tabulated can be verified")
+        raise ParameterError(
+            f"provenance lacks {', '.join(missing)}; only tables that brdftab tabulated can be verified"
+        )
     if made["model"] not in models.names():
         raise ParameterError(f"model = {made['model']} is not known; choose one of {', '.join(models.names())}")
     return tabulate(

@@ -42,10 +42,18 @@ def _option(param: Param, users: list[str], total: int) -> Callable[[Any], Any]:
     default = param.default
     if param.unit == "rad" and default is not None:
         default = round(math.degrees(default), 9)
-    shown = "" if default is None else f" [default: {default:g}]" if isinstance(default, float) else f" [default: {default}]"
+    shown = (
+        ""
+        if default is None
+        else f" [default: {default:g}]"
+        if isinstance(default, float)
+        else f" [default: {default}]"
+    )
     only = "" if len(users) > 3 or len(users) == total else f" ({', '.join(users)})"
     words = f": {' | '.join(param.choices)}" if param.choices else ""
-    return click.option(f"--{param.name.replace('_', '-')}", param.name, type=kind, help=f"{param.doc}{words}{unit}{shown}{only}")
+    return click.option(
+        f"--{param.name.replace('_', '-')}", param.name, type=kind, help=f"{param.doc}{words}{unit}{shown}{only}"
+    )
 
 
 def model_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -54,7 +62,9 @@ def model_options(command: Callable[..., Any]) -> Callable[..., Any]:
     total = len(names())
     for param, users in reversed(list(everything.values())):
         command = _option(param, users, total)(command)
-    return click.option("--model", required=True, metavar="NAME", help="Model of the registry; see brdftab models.")(command)
+    return click.option("--model", required=True, metavar="NAME", help="Model of the registry; see brdftab models.")(
+        command
+    )
 
 
 def given_parameters(model: str, options: dict[str, Any]) -> dict[str, Any]:

@@ -35,7 +35,9 @@ def models(name: str | None, as_json: bool) -> None:
 def _facts(model: Model) -> dict[str, Any]:
     """Return a model's declaration as plain JSON; angles in degrees."""
     facts = dataclasses.asdict(model)
-    facts["params"] = [{**facts_of, "unit": _unit(p), **_shown(p)} for p, facts_of in zip(model.params, facts["params"], strict=True)]
+    facts["params"] = [
+        {**facts_of, "unit": _unit(p), **_shown(p)} for p, facts_of in zip(model.params, facts["params"], strict=True)
+    ]
     return facts
 
 

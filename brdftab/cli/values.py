@@ -30,13 +30,15 @@ def _tell_compiling(model: str) -> None:
         has_compiled(part) for part in ("single", "single_table", "table", "interpolant") if model != "lambert"
     ):
         click.echo(
-            f"brdftab: compiling kernels for {model}: the first run takes up to a minute, later ones start at once", err=True
+            f"brdftab: compiling kernels for {model}: the first run takes up to a minute, later ones start at once",
+            err=True,
         )
 
 
 @click.command(
     "eval",
-    epilog="\b\nExample:\n  brdftab eval --model vgroove-nonsym --ndf ggx --alpha 0.3 --theta-i 30 --theta-o 40 --phi 180 --json",
+    epilog="\b\nExample:\n"
+    "  brdftab eval --model vgroove-nonsym --ndf ggx --alpha 0.3 --theta-i 30 --theta-o 40 --phi 180 --json",
 )
 @model_options
 @click.option("--theta-i", "theta_i", type=float, required=True, help="Polar angle of the light [degrees].")
@@ -97,7 +99,9 @@ _AXIS = "start:stop:count or a,b,c [degrees]"
     "--out", "outs", multiple=True, metavar="FILE", help="Output, .exr or .npz; may be repeated [default: MODEL.exr]."
 )
 @click.option("--cell", type=click.Choice(["center", "average", "point"]), help="What a cell holds [default: center].")
-@click.option("--dtype", type=click.Choice(["float32", "float64"]), default="float32", help="Stored type [default: float32].")
+@click.option(
+    "--dtype", type=click.Choice(["float32", "float64"]), default="float32", help="Stored type [default: float32]."
+)
 @click.option("--tolerance", type=float, default=1e-3, help="Relative error asked [default: 1e-3].")
 @_components
 @click.option("--threads", type=int, help="Threads [default: all].")
@@ -200,7 +204,9 @@ def _summary(table: Table, paths: tuple[str, ...], wall: float, as_json: bool) -
         shape = " x ".join(f"{n} {name}" for n, name in zip(table.grid.shape, table.grid.axis_names, strict=True))
         click.echo(f"model        {made['model']}")
         click.echo("parameters   " + ", ".join(f"{k} = {_short(v)}" for k, v in made["parameters"].items()))
-        click.echo(f"table        {shape}, cell = {table.grid.cell}, {table.dtype}, channels {' '.join(table.channels)}")
+        click.echo(
+            f"table        {shape}, cell = {table.grid.cell}, {table.dtype}, channels {' '.join(table.channels)}"
+        )
         if table.components:
             click.echo(f"components   {' '.join(table.components)}")
         for angle, values in zip(albedo["theta_i_degrees"], albedo["values"], strict=True):
@@ -210,13 +216,15 @@ def _summary(table: Table, paths: tuple[str, ...], wall: float, as_json: bool) -
                 click.echo(f"left out {angle:>2g}  " + "  ".join(f"{v:.2e}" for v in values))
         click.echo(f"error        {error['estimate']:.1e} estimated (95 % of cells below {error['p95']:.1e})")
         click.echo(
-            f"run time     {made['kernel_time_s']:.3f} s in kernels, {wall:.2f} s in all, {made['cells_per_s']:.3g} cells/s"
+            f"run time     {made['kernel_time_s']:.3f} s in kernels, {wall:.2f} s in all, "
+            f"{made['cells_per_s']:.3g} cells/s"
         )
         for path in paths:
             click.echo(f"wrote        {path}")
     if not error["met"]:
         click.echo(
-            f"Warning: the estimated error {error['estimate']:.1e} exceeds tolerance {error['tolerance']:g}: {error['reason']}",
+            f"Warning: the estimated error {error['estimate']:.1e} exceeds tolerance {error['tolerance']:g}: "
+            f"{error['reason']}",
             err=True,
         )
 

@@ -72,7 +72,9 @@ def _floats(param: Param, value: Any) -> Any:
     valid = f"[{shown_lo:g}, {shown_hi:g}]" + (" degrees" if param.unit == "rad" else f" {param.unit}".rstrip())
     many = param.kind == "channels"
     if array.ndim != 1 or array.size == 0 or (array.size != 1 and not many):
-        raise ParameterError(f"{param.name} = {value!r} is not {'a list of numbers' if many else 'one number'} in {valid}")
+        raise ParameterError(
+            f"{param.name} = {value!r} is not {'a list of numbers' if many else 'one number'} in {valid}"
+        )
     for x in array:
         if not (math.isfinite(x) and lo <= x <= hi):
             shown = f"{math.degrees(x):g} degrees" if param.unit == "rad" else f"{x:g}"

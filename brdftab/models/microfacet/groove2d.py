@@ -64,9 +64,7 @@ def width_symmetric(theta_i, tilt, k):
     if abs(theta_o) >= 0.5 * PI:
         return 0.0, theta_o
     q = -sign * theta_o
-    beam = beam_symmetric(
-        math.sin(y), math.cos(y), math.sin(theta_i), math.cos(theta_i), math.sin(q), math.cos(q)
-    )
+    beam = beam_symmetric(math.sin(y), math.cos(y), math.sin(theta_i), math.cos(theta_i), math.sin(q), math.cos(q))
     return max(beam, 0.0) / math.sin(tilt), theta_o
 
 

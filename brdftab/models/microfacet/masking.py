@@ -49,7 +49,7 @@ def projected_alpha(ndf, alpha_x, alpha_y, cos_phi, sin_phi):
 
 @kernel
 def smith_g2(masking, lambda_i, lambda_o):
-    """Return the Smith masking-shadowing of both directions, separable or height-correlated (Heitz 2014, Eqs. 98-99)."""
+    """Return Smith masking-shadowing of both directions, separable or height-correlated (Heitz 2014, Eqs. 98, 99)."""
     if masking == 1:
         return 1.0 / (1.0 + lambda_i + lambda_o)
     return 1.0 / ((1.0 + lambda_i) * (1.0 + lambda_o))

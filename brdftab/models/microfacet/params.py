@@ -16,9 +16,21 @@ NDF_PARAMS = (
 
 FRESNEL_PARAMS = (
     Param(
-        "material", "", "Au", None, "mirror (F = 1) or a metal by name; several wavelengths projected to linear sRGB", "choice"
+        "material",
+        "",
+        "Au",
+        None,
+        "mirror (F = 1) or a metal by name; several wavelengths projected to linear sRGB",
+        "choice",
     ),
-    Param("eta", "", None, (1e-6, 1e4), "own refractive index, with k: one value, three (R, G, B) or one a wavelength", "channels"),
+    Param(
+        "eta",
+        "",
+        None,
+        (1e-6, 1e4),
+        "own refractive index, with k: one value, three (R, G, B) or one a wavelength",
+        "channels",
+    ),
     Param("k", "", None, (0.0, 1e4), "own extinction coefficient, with eta", "channels"),
     Param("ior", "", None, (1.0, 1e4), "dielectric refractive index; one value or three", "channels"),
     Param("f0", "", None, (0.0, 1.0), "Schlick's reflectance at normal incidence; one value or three", "channels"),
@@ -26,4 +38,6 @@ FRESNEL_PARAMS = (
     Param("spectral_samples", "", None, (1, 40), "wavelengths behind RGB (default: chosen for the metal)", "int"),
 )
 
-MAX_BOUNCES = Param("max_bounces", "", None, (1, 1_000_000), "leave out higher bounce orders; the energy lost is reported", "int")
+MAX_BOUNCES = Param(
+    "max_bounces", "", None, (1, 1_000_000), "leave out higher bounce orders; the energy lost is reported", "int"
+)

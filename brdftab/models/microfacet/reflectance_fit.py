@@ -21,6 +21,9 @@ DEGREES = tuple(range(4, 49, 4))
 POLES = (0.5, 1.0, 0.3, 0.8, 2.0, math.inf)
 # a channel fainter than this part of the brightest one is judged by the brightest one
 DARK = 1e-3
+# Chebyshev nodes and polynomials of the series that are cut to a degree
+NODES = np.cos(np.pi * (np.arange(96) + 0.5) / 96)
+BASIS = np.polynomial.chebyshev.chebvander(NODES, 63)
 # further degrees cannot mend an error above this at degree 24
 HOPELESS = (24, 1e-2)
 
@@ -73,20 +76,22 @@ def _evaluate(coefficients: np.ndarray, x: np.ndarray) -> np.ndarray:
     return value
 
 
-def _interpolate(fresnel: Fresnel, mapping: tuple[float, float, float, float], degree: int) -> np.ndarray:
-    """Return power coefficients (C, degree + 1), highest first, from a Chebyshev series in the mapped variable."""
+def _series(fresnel: Fresnel, mapping: tuple[float, float, float, float]) -> np.ndarray:
+    """Return the Chebyshev series (64, C) of the reflectance in the mapped variable."""
     m1, m0, d1, d0 = mapping
-    count = 2 * degree
-    nodes = np.cos(np.pi * (np.arange(count) + 0.5) / count)
-    cosine = (nodes * d0 - m0) / (m1 - nodes * d1)
+    cosine = (NODES * d0 - m0) / (m1 - NODES * d1)
     # on these nodes the Chebyshev polynomials are orthogonal
-    basis = np.polynomial.chebyshev.chebvander(nodes, degree)
-    series = basis.T @ (reflectance(fresnel, cosine) @ fresnel.weights) * (2.0 / count)
+    series = BASIS.T @ (reflectance(fresnel, cosine) @ fresnel.weights) * (2.0 / NODES.size)
     series[0] *= 0.5
-    coefficients = np.zeros((series.shape[1], degree + 1))
+    return series
+
+
+def _powers(series: np.ndarray) -> np.ndarray:
+    """Return the power coefficients (C, K), highest first, of Chebyshev series (K, C)."""
+    coefficients = np.zeros(series.T.shape)
     for row, column in zip(coefficients, series.T, strict=True):
         powers = np.polynomial.chebyshev.cheb2poly(column)
-        row[degree + 1 - powers.size :] = powers[::-1]
+        row[row.size - powers.size :] = powers[::-1]
     return coefficients
 
 
@@ -98,17 +103,18 @@ def _fit_zone(fresnel: Fresnel, start: float, target: float, dtype: type) -> tup
     exact = reflectance(fresnel, cosine) @ fresnel.weights
     size = np.maximum(np.abs(exact), DARK * np.abs(exact).max(axis=1, keepdims=True))
     size = np.maximum(size, np.finfo(np.float64).tiny)
+    mappings = [_map(start, pole) for pole in POLES]
+    candidates = [_series(fresnel, mapping) for mapping in mappings]
     best: tuple[np.ndarray, np.ndarray, float] | None = None
     for degree in DEGREES:
-        for pole in POLES:
-            mapping = _map(start, pole)
-            m1, m0, d1, d0 = mapping
-            coefficients = _interpolate(fresnel, mapping, degree)
-            x = ((m1 * cosine + m0) / (d1 * cosine + d0)).astype(dtype)
-            error = float((np.abs(_evaluate(coefficients, x) - exact) / size).max())
-            if best is None or error < best[2]:
-                best = coefficients, np.array(mapping), error
-        assert best is not None
+        # the pole that leaves least in the rest of the series
+        pole = int(np.argmin([np.abs(series[degree + 1 :]).sum(axis=0).max() for series in candidates]))
+        m1, m0, d1, d0 = mappings[pole]
+        coefficients = _powers(candidates[pole][: degree + 1])
+        x = ((m1 * cosine + m0) / (d1 * cosine + d0)).astype(dtype)
+        error = float((np.abs(_evaluate(coefficients, x) - exact) / size).max())
+        if best is None or error < best[2]:
+            best = coefficients, np.array(mappings[pole]), error
         if best[2] <= target or (degree == HOPELESS[0] and best[2] > HOPELESS[1]):
             break
     assert best is not None

@@ -126,50 +126,34 @@ def map_row(row, q):
 
 
 @kernel
-def _horner_start(k, x, out):
-    """Write the polynomial of the first five coefficients, highest power first."""
-    a, b, c, d, e = k[0], k[1], k[2], k[3], k[4]
+def horner_start(k, zone, c, x, out):
+    """Write the polynomial of the first five coefficients (highest power first) of a zone and channel to out[c]."""
+    k0, k1, k2, k3, k4 = k[zone, c, 0], k[zone, c, 1], k[zone, c, 2], k[zone, c, 3], k[zone, c, 4]
     for p in range(x.size):
         y = x[p]
-        out[p] = (((a * y + b) * y + c) * y + d) * y + e
+        out[c, p] = (((k0 * y + k1) * y + k2) * y + k3) * y + k4
 
 
 @kernel
-def _horner_more(k, at, x, out):
-    """Go on with four further coefficients."""
-    a, b, c, d = k[at], k[at + 1], k[at + 2], k[at + 3]
+def horner_more(k, zone, c, at, x, out):
+    """Go on with the four coefficients from `at`."""
+    k0, k1, k2, k3 = k[zone, c, at], k[zone, c, at + 1], k[zone, c, at + 2], k[zone, c, at + 3]
     for p in range(x.size):
         y = x[p]
-        out[p] = (((out[p] * y + a) * y + b) * y + c) * y + d
-
-
-@kernel
-def reflect(coefficients, degree, x, rows):
-    """Write the polynomials at x to the rows (C, P); coefficients (C, K) end at [:, degree], a multiple of 4."""
-    for c in range(rows.shape[0]):
-        k, row = coefficients[c], rows[c]
-        _horner_start(k, x, row)
-        for at in range(5, degree + 1, 4):
-            _horner_more(k, at, x, row)
-
-
-@kernel
-def _interleave3(weight, r, g, b, out):
-    for p in range(weight.size):
-        w = weight[p]
-        out[3 * p] = w * r[p]
-        out[3 * p + 1] = w * g[p]
-        out[3 * p + 2] = w * b[p]
+        out[c, p] = (((out[c, p] * y + k0) * y + k1) * y + k2) * y + k3
 
 
 @kernel
 def interleave(weight, rows, out):
-    """Write weight (P) times each channel's row to out (P C), channel fastest."""
+    """Write weight (P) times each channel's row (C, P) to out (P C), channel fastest."""
     channels = rows.shape[0]
     if channels == 3:
-        _interleave3(weight, rows[0], rows[1], rows[2], out)
-        return
-    for c in range(channels):
-        row = rows[c]
         for p in range(weight.size):
-            out[channels * p + c] = weight[p] * row[p]
+            w = weight[p]
+            out[3 * p] = w * rows[0, p]
+            out[3 * p + 1] = w * rows[1, p]
+            out[3 * p + 2] = w * rows[2, p]
+    else:
+        for c in range(channels):
+            for p in range(weight.size):
+                out[channels * p + c] = weight[p] * rows[c, p]

@@ -18,7 +18,15 @@ from brdftab.jit import kernel, parallel_kernel
 from brdftab.models.microfacet.masking import smith_g2, smith_lambda
 from brdftab.models.microfacet.single import HORIZON, evaluate_points
 from brdftab.models.microfacet.reflectance_fit import Fit, fit
-from brdftab.models.microfacet.single_rows import beckmann_row, ggx_row, interleave, map_row, phong_row, reflect
+from brdftab.models.microfacet.single_rows import (
+    beckmann_row,
+    ggx_row,
+    horner_more,
+    horner_start,
+    interleave,
+    map_row,
+    phong_row,
+)
 from brdftab.models.microfacet.streaming import finish, stream_phase, put
 from brdftab.models.setup import Setup
 
@@ -43,30 +51,36 @@ def _axis(masking, ndf, alpha, theta):
 
 
 @kernel
-def _pair(masking, scale, light, view):
+def _pair(masking, scale, lights, i, views, o):
     """Return tan^2, slope, u, v and half of c_i + c_o of a pair of polar angles; u = v = 0 below the horizon."""
-    ci, co = light[2], view[2]
-    if ci == 0.0 or co == 0.0:
-        return 0.0, 0.0, 0.0, 0.0, 0.0
-    up = ci + co
-    tangent = math.tan(0.5 * (light[0] - view[0]))
-    slope = 2.0 * light[1] * view[1] / (up * up)
-    u = scale / (4.0 * ci * co)
-    v = math.inf
-    if masking == 10:
-        v = scale / (up * max(ci, co))
-    else:
-        u *= smith_g2(masking, light[3], view[3])
-    return tangent * tangent, slope, u, v, 0.5 * up
+    ci, co = lights[i, 2], views[o, 2]
+    tangent = math.tan(0.5 * (lights[i, 0] - views[o, 0]))
+    first, slope, u, v, up = tangent * tangent, 0.0, 0.0, 0.0, ci + co
+    if ci > 0.0 and co > 0.0:
+        slope = 2.0 * lights[i, 1] * views[o, 1] / (up * up)
+        u = scale / (4.0 * ci * co)
+        if masking == 10:
+            v = scale / (up * max(ci, co))
+        else:
+            v = math.inf
+            u *= smith_g2(masking, lights[i, 3], views[o, 3])
+    return first, slope, u, v, 0.5 * up
 
 
 @kernel
-def _zone(starts, low):
-    """Return the last zone of the reflectance that starts at or below a cosine."""
-    zone = 0
-    while zone + 1 < starts.size and starts[zone + 1] <= low:
-        zone += 1
-    return zone
+def _pairs(masking, scale, starts, lights, i, views, stop):
+    """Return `_pair` of light i with the first views, (stop, 5), and the zones of the reflectance that hold them."""
+    pairs, zones = np.empty((stop, 5)), np.empty(stop, np.int64)
+    for o in range(stop):
+        first, slope, u, v, half = _pair(masking, scale, lights, i, views, o)
+        pairs[o, 0], pairs[o, 1], pairs[o, 2], pairs[o, 3], pairs[o, 4] = first, slope, u, v, half
+        # the smallest i.h of the row, at phi = 180 degrees
+        low = half * math.sqrt(1.0 + first)
+        zones[o] = 0
+        for zone in range(1, starts.size):
+            if starts[zone] <= low:
+                zones[o] = zone
+    return pairs, zones
 
 
 @kernel
@@ -81,11 +95,14 @@ def _rows(i, stop, mirrored, model, lights, views, squares, squares64, zones, ph
     cells = np.empty(squares.size * channels, out.dtype)
     size = count * channels
     row[0], row[1] = 1.0, shape
+    pairs, held = _pairs(masking, scale, starts, lights, i, views, stop)
+    # nothing in this loop may count references: streamed stores would stop for it
     for o in range(stop):
-        first, slope, u, v, half = _pair(masking, scale, lights[i], views[o])
-        zone = _zone(starts, half * math.sqrt(1.0 + first))
-        row[2], row[3], row[4], row[5], row[6] = first, slope, u, v, half
-        row[7:] = maps[zone]
+        first, slope, u, v = pairs[o, 0], pairs[o, 1], pairs[o, 2], pairs[o, 3]
+        zone = held[o]
+        row[2], row[3], row[4], row[5], row[6] = first, slope, u, v, pairs[o, 4]
+        for j in range(4):
+            row[7 + j] = maps[zone, j]
         if ndf == 1:
             ggx_row(row, squares, weight, x)
         else:
@@ -94,7 +111,10 @@ def _rows(i, stop, mirrored, model, lights, views, squares, squares64, zones, ph
             else:
                 phong_row(shape, first, slope, u, v, squares64, weight, x)
             map_row(row, x)
-        reflect(coefficients[zone], degrees[zone], x, colours)
+        for c in range(channels):
+            horner_start(coefficients, zone, c, x, colours)
+            for at in range(5, degrees[zone] + 1, 4):
+                horner_more(coefficients, zone, c, at, x, colours)
         interleave(weight, colours, cells)
         put(phase, cells, size, out, (i * views.shape[0] + o) * size)
         if mirrored and o != i:
@@ -158,6 +178,7 @@ class SingleBounceTable:
 
         A square grid (both polar axes identical) is computed half and mirrored; at the horizon and below it is 0.
         """
+        assert out.flags.c_contiguous
         work: type = np.float32 if out.dtype == np.float32 and self._single() else np.float64
         half = np.cos(0.5 * phi)
         squares64 = np.zeros(-(-phi.size // LANES) * LANES)

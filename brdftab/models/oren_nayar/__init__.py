@@ -24,7 +24,9 @@ SPEC = Model(
     components=("direct", "interreflection"),
     citation="Oren, Nayar: Generalization of Lambert's Reflectance Model, SIGGRAPH 1994",
     doi="10.1145/192161.192213",
-    variant="Full functional fit (Eqs. 27-29) by default; the qualitative form (Eq. 30) drops C3 and the interreflection.",
+    variant=(
+        "Full functional fit (Eqs. 27-29) by default; the qualitative form (Eq. 30) drops C3 and the interreflection."
+    ),
     errata=(
         "The fit's direct part falls below zero at grazing mirror directions for large sigma; it is clamped at zero. "
         "The qualitative form's 0.33 is kept (a later remark by the authors suggests 0.57 to imitate interreflection)."

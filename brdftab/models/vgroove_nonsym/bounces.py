@@ -66,14 +66,14 @@ def _wall(ndf, shape, is_first, is_last, start, end, l0, slope):
 
 @kernel
 def _node(x, wall, shape, start, width, l0, slope):
-    """Return r, l, their sines and cosines and dr/(width dx) at x in (0, 1) of a panel.
+    """Return r, the sines and cosines of r and l, and dr/(width dx) at x in (0, 1) of a panel.
 
     At a vertical facet D ~ cos^n is not smooth: the distance to it goes like x^q with q (n + 1) a whole number.
     """
     if wall == 0:
         r = start + width * x
         left = l0 - slope * r
-        return r, left, math.sin(r), math.cos(r), math.sin(left), math.cos(left), 1.0
+        return r, math.sin(r), math.cos(r), math.sin(left), math.cos(left), 1.0
     power = math.ceil(shape + 1.0) / (shape + 1.0)
     part = x**power
     jacobian = power * part / x
@@ -81,10 +81,10 @@ def _node(x, wall, shape, start, width, l0, slope):
         gap = width * part
         r = HALF_PI - gap
         left = l0 - slope * r
-        return r, left, math.cos(gap), math.sin(gap), math.sin(left), math.cos(left), jacobian
+        return r, math.cos(gap), math.sin(gap), math.sin(left), math.cos(left), jacobian
     gap = slope * width * part
     r = start + width * part
-    return r, HALF_PI - gap, math.sin(r), math.cos(r), math.cos(gap), math.sin(gap), jacobian
+    return r, math.sin(r), math.cos(r), math.cos(gap), math.sin(gap), jacobian
 
 
 @kernel
@@ -181,7 +181,7 @@ def add_order(t, u, k, odd, exact, weight, ndf, shape, shift, rule, fresnel, big
             continue
         wall = _wall(ndf, shape, e == 0, e == count - 2, edges[e], edges[e + 1], l0, slope)
         for q in range(gauss.shape[1]):
-            r, left, sr, cr, sl, cl, jacobian = _node(gauss[0, q], wall, shape, edges[e], width, l0, slope)
+            r, sr, cr, sl, cl, jacobian = _node(gauss[0, q], wall, shape, edges[e], width, l0, slope)
             if sl <= 0.0 or cl <= 0.0 or cr <= 0.0:
                 continue
             if not odd:
@@ -224,7 +224,21 @@ def add_bounces(big_m, small_m, ndf, shape, shift, k_explicit, k_cap, tail, rule
         k = 3 if odd else 2
         while k < end and k <= k_explicit and k <= k_cap:
             part = add_order(
-                t, u, float(k), odd, True, 1.0, ndf, shape, shift, rule, fresnel, big_l, series, work, acc[min(k, layers) - 1]
+                t,
+                u,
+                float(k),
+                odd,
+                True,
+                1.0,
+                ndf,
+                shape,
+                shift,
+                rule,
+                fresnel,
+                big_l,
+                series,
+                work,
+                acc[min(k, layers) - 1],
             )
             total += part
             k += 2
@@ -238,6 +252,20 @@ def add_bounces(big_m, small_m, ndf, shape, shift, k_explicit, k_cap, tail, rule
             x, dx = tail_node(power, x0, x1, tail[0, q])
             weight = 0.5 * dx * tail[1, q] / (x * x)
             total += add_order(
-                t, u, 1.0 / x, odd, False, weight, ndf, shape, shift, rule, fresnel, big_l, series, work, acc[layers - 1]
+                t,
+                u,
+                1.0 / x,
+                odd,
+                False,
+                weight,
+                ndf,
+                shape,
+                shift,
+                rule,
+                fresnel,
+                big_l,
+                series,
+                work,
+                acc[layers - 1],
             )
     return total

@@ -13,7 +13,7 @@ ROOT_PI = math.sqrt(PI)
 
 @kernel
 def masked_share(ndf, shape, sin_m, cos_m, gauss):
-    """Return E = int P(r) max(0, sin M - cos M cot r) dr, the share of a unit facet hidden at the in-plane angle M >= 0.
+    """Return E = int P(r) max(0, sin M - cos M cot r) dr, the hidden share of a unit facet at the in-plane angle M.
 
     Closed for Beckmann and GGX. Phong: with sin x = sin M exp(-u/(n+1)) it is an exponential integral of a smooth
     function, done by Gauss panels whose first is as short as the layer u ~ n + 1.
@@ -52,5 +52,5 @@ def masked_share(ndf, shape, sin_m, cos_m, gauss):
 
 @kernel
 def mean_masking(ndf, shape, sin_h, cos_d, sin_m, cos_m, gauss):
-    """Return the masking Gbar of the first order; M is the larger in-plane angle, cos_d = cos((theta_i - theta_o)/2)."""
+    """Return Gbar of the first order; M is the larger in-plane angle, cos_d = cos((theta_i - theta_o)/2)."""
     return max(1.0 - sin_h / cos_d * masked_share(ndf, shape, sin_m, cos_m, gauss), 0.0)

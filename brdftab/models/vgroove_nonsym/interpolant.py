@@ -17,11 +17,11 @@ from brdftab.jit import kernel, parallel_kernel
 from brdftab.materials.fresnel import Fresnel
 from brdftab.models.microfacet.frame import groove_plane, pair
 from brdftab.models.microfacet.logfresnel import fit
+from brdftab.models.microfacet.ndf import density
 from brdftab.models.microfacet.project import arguments, thinned, unit_gauss
 from brdftab.models.setup import Setup
 from brdftab.models.vgroove_nonsym.bounces import NODES, add_bounces
 from brdftab.models.vgroove_nonsym.first_order import mean_masking
-from brdftab.models.microfacet.ndf import density
 from brdftab.models.vgroove_nonsym.panels import CUTS
 
 PI = math.pi
@@ -236,7 +236,19 @@ class Interpolant:
             order = np.random.default_rng(0).permutation(rows)
             ndf, shape, tail, gauss = setup.ndf, setup.alpha_x, unit_gauss(3), unit_gauss(5)
             _build(
-                order, ndf, shape, 16, k_cap, tail, gauss, arguments(fresnel, 0.0), coefficients, powers, weights, inverse, grid
+                order,
+                ndf,
+                shape,
+                16,
+                k_cap,
+                tail,
+                gauss,
+                arguments(fresnel, 0.0),
+                coefficients,
+                powers,
+                weights,
+                inverse,
+                grid,
             )
         full = weights.sum(axis=0)
         self._arguments = (
@@ -282,5 +294,3 @@ def _projected_table(setup: Setup) -> np.ndarray:
     assert setup.fresnel is not None
     cosine = np.linspace(0.0, 1.0, F_CELLS + 1)
     return np.ascontiguousarray(reflectance(setup.fresnel, cosine) @ setup.fresnel.weights)
-
-

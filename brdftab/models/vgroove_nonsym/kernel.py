@@ -96,7 +96,9 @@ def _points(theta_i, theta_o, phi, phi_i, ndf, alpha_x, alpha_y, fresnel, weight
         acc = np.empty((out.shape[1], size, 1) if degree else (out.shape[1], 1, size))
         work = (np.empty(CUTS), np.empty(CUTS), np.empty((2, size)), np.empty((NODES if degree else 1, 2)))
         series = (coefficients, np.empty((degree, 1)), np.empty(degree), np.empty((size, 1)))
-        by_order = evaluate(theta_i[n], theta_o[n], phi[n], phi_i[n], ndf, alpha_x, alpha_y, fresnel, series, sums, work, acc)
+        by_order = evaluate(
+            theta_i[n], theta_o[n], phi[n], phi_i[n], ndf, alpha_x, alpha_y, fresnel, series, sums, work, acc
+        )
         project(by_order, weights, out[n])
 
 
@@ -114,7 +116,15 @@ def arrays(setup: Setup, tolerance: float) -> tuple[Any, ...]:
     assert setup.fresnel is not None
     k_explicit, tail, nodes, fine = rule(tolerance)
     k_cap = NO_CAP if setup.max_bounces is None else setup.max_bounces
-    sums = (k_explicit, k_cap, unit_gauss(tail), unit_gauss(nodes), fine, unit_gauss(20), 4.0 if tolerance >= 1e-4 else math.inf)
+    sums = (
+        k_explicit,
+        k_cap,
+        unit_gauss(tail),
+        unit_gauss(nodes),
+        fine,
+        unit_gauss(20),
+        4.0 if tolerance >= 1e-4 else math.inf,
+    )
     weights = np.ascontiguousarray(setup.fresnel.weights)
     coefficients = None
     if setup.fresnel.kind != 0 and tolerance >= 0.999 * SERIES_REACH:

@@ -150,8 +150,6 @@ def _add_tail(ends, angles, big_l, ndf, shape, prefactor, fresnel, gauss, row, a
             product = row[0]
             for w in range(acc.shape[1]):
                 product[w] = value
-            multiply_long_chain(
-                kind, a, b, table, big_l, -theta_i, 2.0 * reach - theta_i, 1.0 / x, product, row[1]
-            )
+            multiply_long_chain(kind, a, b, table, big_l, -theta_i, 2.0 * reach - theta_i, 1.0 / x, product, row[1])
             for w in range(acc.shape[1]):
                 acc[layer, w] += product[w]

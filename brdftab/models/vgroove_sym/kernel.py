@@ -16,6 +16,7 @@ from brdftab.models.microfacet.ndf import density, shape_at
 from brdftab.models.microfacet.project import arguments, project, unit_gauss
 from brdftab.models.setup import Setup, component_names
 from brdftab.models.vgroove_sym.bounces import add_bounces, step_tables
+from brdftab.models.vgroove_sym.table import prepare as prepare
 
 HORIZON = 1e-15
 NO_CAP = 2_000_000_000

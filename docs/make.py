@@ -1,0 +1,149 @@
+"""Write docs/cli.md and docs/models.md from the command line and the registry.
+
+    python docs/make.py           # write both
+    python docs/make.py --check   # exit 1 if either is out of date
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from pathlib import Path
+
+import click
+
+from brdftab.cli import main as group
+from brdftab.cli.options import declared
+from brdftab.materials import indices
+from brdftab.models import Param, names, spec
+
+HERE = Path(__file__).parent
+NOTE = "<!-- written by docs/make.py; edit the sources instead -->"
+
+
+def cell(text: str) -> str:
+    """Return text that cannot break a table."""
+    return " ".join(text.split()).replace("|", "\\|")
+
+
+def example_lines(command: click.Command) -> list[str]:
+    """Return the examples of a command's help."""
+    return [line.strip() for line in (command.epilog or "").splitlines() if line.strip().startswith("brdftab ")]
+
+
+def option_rows(command: click.Command) -> list[tuple[str, str, str]]:
+    """Return option, value and text of every option of a command."""
+    rows = []
+    for param in command.params:
+        if not isinstance(param, click.Option):
+            continue
+        kind = param.type
+        value = "" if param.is_flag else param.metavar or getattr(kind, "name", "text")
+        if isinstance(kind, click.Choice):
+            value = " | ".join(kind.choices)
+        text = (param.help or "") + (" Required." if param.required else "") + (" Repeatable." if param.multiple else "")
+        rows.append((", ".join(f"`{o}`" for o in param.opts), value, text))
+    return rows
+
+
+def section(name: str, command: click.Command, shared: set[str]) -> list[str]:
+    """Return the lines of one command."""
+    arguments = [p for p in command.params if isinstance(p, click.Argument)]
+    words = " ".join(p.make_metavar(click.Context(command)) for p in arguments)
+    lines = [f"## brdftab {name}", "", " ".join((command.help or "").split()), ""]
+    lines += ["```text", f"brdftab {name} [OPTIONS]{' ' + words if words else ''}", "```", ""]
+    lines += ["Examples:" if len(example_lines(command)) > 1 else "Example:", "", "```bash", *example_lines(command), "```", ""]
+    rows = option_rows(command)
+    own = [row for row in rows if row[0].strip("`-").replace("-", "_") not in shared]
+    if len(own) < len(rows):
+        lines += ["Takes the [parameters of the model](#parameters-of-the-models) and:", ""]
+    lines += ["| option | value | meaning |", "| --- | --- | --- |"]
+    lines += [f"| {option} | {cell(value)} | {cell(text)} |" for option, value, text in own]
+    return [*lines, ""]
+
+
+def cli_page() -> str:
+    """Return docs/cli.md."""
+    shared = set(declared())
+    context = click.Context(group)
+    commands = {name: group.get_command(context, name) for name in group.list_commands(context)}
+    lines = [
+        "# Command line", "", NOTE, "",
+        "Angles are degrees. Every command has `--help`; all take `--json` for output that a program reads. Results go to standard",
+        "output, everything else to standard error.", "",
+        "Exit status: 0 success; 1 tables differ (`compare`, `verify`) or the command was interrupted; 2 an error, told in one line.", "",
+        "## Parameters of the models", "",
+        "Options of `tabulate` and `eval`; which model takes which, and with what default, is in [models.md](models.md).", "",
+        "| option | value | meaning |", "| --- | --- | --- |",
+    ]  # fmt: skip
+    tabulate = commands["tabulate"]
+    assert tabulate is not None
+    for option, value, text in option_rows(tabulate):
+        if option.strip("`-").replace("-", "_") in shared:
+            lines.append(f"| {option} | {cell(value)} | {cell(text)} |")
+    lines.append("")
+    for name, command in commands.items():
+        assert command is not None
+        lines += section(name, command, shared)
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def shown(param: Param) -> tuple[str, str]:
+    """Return default and bounds of a parameter in the command line's units."""
+    turn = math.degrees if param.unit == "rad" else (lambda x: x)
+    unit = " degrees" if param.unit == "rad" else f" {param.unit}".rstrip()
+    default = param.default
+    text = "" if default is None else default if isinstance(default, str) else f"{turn(default):g}{unit}"
+    choices = ("mirror", *indices.names()) if param.name == "material" else param.choices
+    if choices:
+        return text, ", ".join(f"`{word}`" for word in choices)
+    low, high = param.bounds or (-math.inf, math.inf)
+    return text, f"[{turn(low):g}, {turn(high):g}]{unit}"
+
+
+def models_page() -> str:
+    """Return docs/models.md."""
+    lines = ["# Models", "", NOTE, "", "| model | what it is |", "| --- | --- |"]
+    lines += [f"| [`{name}`](#{name}) | {cell(spec(name).summary)} |" for name in names()]
+    lines += ["", "Angles are degrees here and on the command line, radians in Python.", ""]
+    for name in names():
+        model = spec(name)
+        layers = "`order1`, `order2`, ..." if model.components == ("order",) else ", ".join(f"`{c}`" for c in model.components)
+        lines += [f"## {name}", "", f"{model.title}: {model.summary}.", "", f"- Variant: {model.variant}"]
+        if model.errata:
+            lines.append(f"- Errata: {model.errata}")
+        link = f" [doi:{model.doi}](https://doi.org/{model.doi})" if model.doi else ""
+        lines += [f"- Source: {model.citation}.{link}", f"- Components: {layers}"]
+        if model.singular:
+            lines.append("- Infinite at the mirror direction itself; the cells of a table that hold it store their average.")
+        lines += ["", "| parameter | meaning | default | range |", "| --- | --- | --- | --- |"]
+        for param in model.params:
+            default, bounds = shown(param)
+            lines.append(f"| `{param.name}` | {cell(param.doc)} | {cell(default)} | {cell(bounds)} |")
+        lines.append("")
+    return "\n".join(lines).rstrip() + "\n"
+
+
+PAGES = {"cli.md": cli_page, "models.md": models_page}
+
+
+def main() -> int:
+    """Write the pages, or tell which are out of date."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--check", action="store_true")
+    check = parser.parse_args().check
+    stale = []
+    for name, page in PAGES.items():
+        path, text = HERE / name, page()
+        if check and (not path.exists() or path.read_text(encoding="utf-8") != text):
+            stale.append(name)
+        elif not check:
+            path.write_text(text, encoding="utf-8")
+    if stale:
+        print(f"out of date: {', '.join(stale)}; run python docs/make.py", file=sys.stderr)
+    return 1 if stale else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
