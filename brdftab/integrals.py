@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from brdftab.cells import gauss
 from brdftab.engine import Engine
 from brdftab.errors import ParameterError
 from brdftab.evaluation import check_tolerance
@@ -20,11 +21,11 @@ NODES = 10
 
 
 def _panels(edges: Array, nodes: int) -> tuple[Array, Array]:
-    """Return Gauss nodes and weights of all panels between sorted edges."""
-    x, w = np.polynomial.legendre.leggauss(nodes)
-    half = 0.5 * np.diff(edges)
-    middle = 0.5 * (edges[1:] + edges[:-1])
-    return (middle[:, None] + half[:, None] * x).reshape(-1), (half[:, None] * w).reshape(-1)
+    """Return Gauss nodes and weights of all panels between edges sorted along the last axis."""
+    x, w = gauss(nodes)
+    width = np.diff(edges)[..., None]
+    shape = (*edges.shape[:-1], -1)
+    return (edges[..., :-1, None] + width * x).reshape(shape), (width * w).reshape(shape)
 
 
 def _azimuths(setup: Setup, theta_i: float, phi_i: float, nodes: int) -> tuple[Array, Array]:
@@ -50,28 +51,25 @@ def half_vector_nodes(setup: Setup, theta_i: float, phi_i: float, nodes: int) ->
     azimuth, weight_a = _azimuths(setup, theta_i, phi_i, nodes)
     alpha = max(setup.alpha_x, setup.alpha_y) if setup.ndf >= 0 else 1.0
     least = min(setup.alpha_x, setup.alpha_y) if setup.ndf >= 0 else 1.0
-    scales = least * 2.0 ** np.arange(-2.0, 2.0 + math.ceil(math.log2(8.0 * max(alpha, 1.0) / least)))
+    scales = np.arctan(least * 2.0 ** np.arange(-2.0, 2.0 + math.ceil(math.log2(8.0 * max(alpha, 1.0) / least))))
     si, ci = math.sin(theta_i), math.cos(theta_i)
-    out: list[tuple[Array, Array, Array]] = []
-    for a, wa in zip(azimuth, weight_a, strict=True):
-        flat = si * math.cos(a)
-        tilt = math.atan2(flat, ci)
-        top = 0.5 * (0.5 * math.pi + tilt)
-        cuts = np.concatenate([np.arctan(scales), [tilt, 0.5 * tilt, 0.5 * top, 0.75 * top, 0.9 * top, 0.97 * top]])
-        edges = np.unique(np.concatenate([[0.0], cuts[(cuts > 1e-9) & (cuts < top - 1e-9)], [top]]))
-        theta_h, weight = _panels(edges, nodes)
-        sh, ch = np.sin(theta_h), np.cos(theta_h)
-        i_h = flat * sh + ci * ch
-        # o = 2 (i.h) h - i in the light's frame
-        ox = 2.0 * i_h * sh * math.cos(a) - si
-        oy = 2.0 * i_h * sh * math.sin(a)
-        oz = 2.0 * i_h * ch - ci
-        keep = (i_h > 0.0) & (oz > 0.0)
-        weight = wa * weight * 4.0 * i_h * sh * oz
-        theta_o = np.arctan2(np.hypot(ox, oy), oz)
-        out.append((theta_o[keep], np.arctan2(oy, ox)[keep], weight[keep]))
-    theta_o, phi, weight = (np.concatenate([part[k] for part in out]) for k in range(3))
-    return theta_o, phi, weight
+    flat = si * np.cos(azimuth)
+    tilt = np.arctan2(flat, ci)
+    top = 0.5 * (0.5 * math.pi + tilt)
+    cuts = np.outer(top, [0.0, 0.5, 0.75, 0.9, 0.97, 1.0])
+    edges = np.concatenate([np.broadcast_to(scales, (azimuth.size, scales.size)), cuts], axis=1)
+    edges = np.concatenate([edges, tilt[:, None], 0.5 * tilt[:, None]], axis=1)
+    theta_h, weight = _panels(np.sort(np.clip(edges, 0.0, top[:, None]), axis=1), nodes)
+    sh, ch = np.sin(theta_h), np.cos(theta_h)
+    i_h = flat[:, None] * sh + ci * ch
+    # o = 2 (i.h) h - i in the light's frame
+    ox = 2.0 * i_h * sh * np.cos(azimuth)[:, None] - si
+    oy = 2.0 * i_h * sh * np.sin(azimuth)[:, None]
+    oz = 2.0 * i_h * ch - ci
+    weight = weight_a[:, None] * weight * 4.0 * i_h * sh * oz
+    keep = (i_h > 0.0) & (oz > 0.0) & (weight > 0.0)
+    theta_o = np.arctan2(np.hypot(ox, oy), oz)
+    return theta_o[keep], np.arctan2(oy, ox)[keep], weight[keep]
 
 
 def directional(engine: Engine, theta_i: float, phi_i: float = 0.0, nodes: int = NODES) -> Array:

@@ -20,9 +20,10 @@ MODELS = [
     *(("smith", {"masking": m}) for m in ("separable", "height-correlated", "smith-walter")),
     ("cook-torrance", {}),
 ]
-# measured: 9e-7 in float32 (rounding and the polynomials of gold), 6e-13 in float64 (alpha 1e-4, where the reference
-# itself subtracts sines)
-RTOL = {"float32": 2e-6, "float64": 1e-12}
+# measured: 6.8e-7 in float32 (rounding, and the polynomials of gold) and 5e-13 in float64
+RTOL = {"float32": 1e-6, "float64": 1e-12}
+# exact evaluation rounds (theta_i + theta_o)/2, which at grazing angles costs 2e-11 of exp(-58); the table does not
+NARROW = 3e-11
 # float32 cannot hold less
 FLOOR = {"float32": 1e-37, "float64": 1e-290}
 
@@ -55,7 +56,7 @@ def test_tables_equal_exact_evaluation(ndf, dtype):
         setup = resolve(model, ndf=ndf, alpha=alpha, **options)
         got = table(setup, POLAR, AZIMUTHS, dtype)
         error = worst(got, exact(setup, POLAR, AZIMUTHS), FLOOR[dtype] / RTOL[dtype])
-        assert error <= RTOL[dtype], (model, options, alpha, error)
+        assert error <= (RTOL[dtype] if alpha > 1e-4 else max(RTOL[dtype], NARROW)), (model, options, alpha, error)
         assert np.array_equal(got, got.swapaxes(0, 1))
         assert (got >= 0.0).all()
 

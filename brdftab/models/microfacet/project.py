@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,7 @@ def arguments(fresnel: Fresnel, tolerance: float) -> tuple[Any, ...]:
     return fresnel.kind, a, b, table
 
 
+@lru_cache
 def unit_gauss(count: int) -> np.ndarray:
     """Return Gauss-Legendre nodes and weights on (0, 1), shape (2, count)."""
     x, w = np.polynomial.legendre.leggauss(count)

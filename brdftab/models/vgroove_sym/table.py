@@ -20,6 +20,7 @@ from brdftab.models.microfacet.frame import pair
 from brdftab.models.microfacet.groove2d import beam_symmetric
 from brdftab.models.microfacet.ndf import density, shape_at
 from brdftab.models.microfacet.project import unit_gauss
+from brdftab.models.microfacet.tail import tail_node, tail_power
 from brdftab.models.setup import Setup
 from brdftab.models.vgroove_sym.bounces import sincos_small, step_tables
 from brdftab.models.vgroove_sym.chains import (
@@ -76,18 +77,19 @@ def _tail(k, k_last, p, ndf, shape, mirror, gauss, lanes, terms, expansion, batc
     low, high = 1.0 / min(lanes[END + p], k_last), 1.0 / (k - 1.0)
     cut1 = min(max(small / reach, low), high)
     cut2 = min(max(big / reach, low), high)
+    power = tail_power(ndf, shape)
     for panel in range(3):
         x0 = low if panel == 0 else (cut1 if panel == 1 else cut2)
         x1 = cut1 if panel == 0 else (cut2 if panel == 1 else high)
         if x1 - x0 <= 1e-15:
             continue
         for q in range(gauss.shape[1]):
-            x = x0 + (x1 - x0) * gauss[0, q]
+            x, dx = tail_node(power if panel == 0 else 1.0, x0, x1, gauss[0, q])
             s, c = sincos_small(reach * x)
             beam = beam_symmetric(s, c, sin_t, cos_t, sin_q, cos_q)
             if beam <= 0.0:
                 continue
-            value = density(ndf, shape, s, c) * beam * c * 0.5 * (x1 - x0) * gauss[1, q] / x
+            value = density(ndf, shape, s, c) * beam * c * 0.5 * dx * gauss[1, q] / x
             if mirror:
                 lanes[TOTAL + p] += value
             elif value > lanes[FAINT + p]:
@@ -246,13 +248,13 @@ def _optics(fresnel: Fresnel, tolerance: float) -> tuple[Any, ...] | None:
     return False, coefficients, weights, np.ascontiguousarray(first), faint
 
 
-def _explicit(tolerance: float) -> tuple[int, int]:
-    """Return how many orders are summed one by one, and the nodes of the tail, for a relative tolerance."""
-    if tolerance >= 5e-4:
-        return 24, 4
-    if tolerance >= 1e-4:
-        return 96, 4
-    return 256, 8
+def _explicit(tolerance: float, alpha: float) -> tuple[int, int]:
+    """Return how many orders are summed one by one, and the nodes of the tail, for a relative tolerance.
+
+    The tail's error falls like the square of the number of orders and grows with the roughness (measured).
+    """
+    orders, nodes = (24, 4) if tolerance >= 5e-4 else (96, 4) if tolerance >= 1e-4 else (256, 8)
+    return math.ceil(orders * max(1.5 * alpha, 1.0) ** 0.6), nodes
 
 
 class Prepared:
@@ -269,7 +271,7 @@ class Prepared:
     """
 
     def __init__(self, setup: Setup, tolerance: float, optics: tuple[Any, ...]) -> None:
-        k_explicit, nodes = _explicit(tolerance)
+        k_explicit, nodes = _explicit(tolerance, setup.alpha_x)
         k_cap = NO_CAP if setup.max_bounces is None else setup.max_bounces
         shape = shape_at(setup.ndf, setup.alpha_x, setup.alpha_y, 1.0, 0.0)[0]
         distribution = (setup.ndf, shape, 14.0 - math.log(tolerance))
