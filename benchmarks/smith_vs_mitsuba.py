@@ -127,7 +127,7 @@ def measure(repeats: int, threads: int) -> dict[str, Any]:
 
 
 def show(found: dict[str, Any]) -> None:
-    print(f"{found['pairs']} pairs, {found['threads']} threads, {found['repeats']} repeats, load {found['load_average']:.1f}")
+    print("{pairs} pairs, {threads} threads, {repeats} repeats, load average {load_average:.1f}".format(**found))
     for name in NAMES:
         print(f"{name:8s}", "  ".join(f"{key[:-3]} {value:6.2f} ms" for key, value in found[name].items()))
     for name, ratios in found["ratios"].items():
@@ -140,7 +140,7 @@ def main() -> int:
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--repeats", type=int, default=200)
     parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--check", action="store_true", help="exit 1 unless both goals are met by the minimum wall times")
+    parser.add_argument("--check", action="store_true", help="exit 1 unless the minimum times meet both goals")
     given = parser.parse_args()
     reason = None
     library = find_llvm()

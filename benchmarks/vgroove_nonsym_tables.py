@@ -3,7 +3,7 @@
     python benchmarks/vgroove_nonsym_tables.py            # 90x90x180, tolerance 1e-3, five repeats
     python benchmarks/vgroove_nonsym_tables.py --json
 
-Compilation is done before. `kernel` is the kernel_time_s that a table states: interpolated part, table and mirror cells.
+Kernels are compiled before. `kernel` is the kernel_time_s that a table states: interpolated part, table, mirror cells.
 """
 
 from __future__ import annotations
@@ -68,7 +68,9 @@ def main() -> None:
         "numba": numba.__version__, "threads": numba.get_num_threads(),
     }  # fmt: skip
     if chosen.json:
-        print(json.dumps({"grid": chosen.grid, "tolerance": chosen.tolerance, "machine": machine, "rows": rows}, indent=2))
+        print(
+            json.dumps({"grid": chosen.grid, "tolerance": chosen.tolerance, "machine": machine, "rows": rows}, indent=2)
+        )
         return
     print(f"{chosen.grid}, tolerance {chosen.tolerance:g}, {machine['threads']} threads; seconds: min / median / max")
     print(f"{'material':<9}{'ndf':<10}{'alpha':>6}  {'build':>22}  {'kernel':>22}  {'error':>8} {'p95':>8}")

@@ -1,7 +1,7 @@
 """Write docs/cli.md and docs/models.md from the command line and the registry.
 
-    python docs/make.py           # write both
-    python docs/make.py --check   # exit 1 if either is out of date
+python docs/make.py           # write both
+python docs/make.py --check   # exit 1 if either is out of date
 """
 
 from __future__ import annotations
@@ -20,6 +20,23 @@ from brdftab.models import Param, names, spec
 
 HERE = Path(__file__).parent
 NOTE = "<!-- written by docs/make.py; edit the sources instead -->"
+
+CLI_HEAD = f"""# Command line
+
+{NOTE}
+
+Angles are degrees. Every command has `--help`; all take `--json` for output that a program reads. Results go to
+standard output, everything else to standard error.
+
+Exit status: 0 success; 1 tables differ (`compare`, `verify`) or the command was interrupted; 2 an error, told in one
+line.
+
+## Parameters of the models
+
+Options of `tabulate` and `eval`; which model takes which, and with what default, is in [models.md](models.md).
+
+| option | value | meaning |
+| --- | --- | --- |"""
 
 
 def cell(text: str) -> str:
@@ -42,7 +59,7 @@ def option_rows(command: click.Command) -> list[tuple[str, str, str]]:
         value = "" if param.is_flag else param.metavar or getattr(kind, "name", "text")
         if isinstance(kind, click.Choice):
             value = " | ".join(kind.choices)
-        text = (param.help or "") + (" Required." if param.required else "") + (" Repeatable." if param.multiple else "")
+        text = (param.help or "") + (" Required." if param.required else "")
         rows.append((", ".join(f"`{o}`" for o in param.opts), value, text))
     return rows
 
@@ -53,7 +70,14 @@ def section(name: str, command: click.Command, shared: set[str]) -> list[str]:
     words = " ".join(p.make_metavar(click.Context(command)) for p in arguments)
     lines = [f"## brdftab {name}", "", " ".join((command.help or "").split()), ""]
     lines += ["```text", f"brdftab {name} [OPTIONS]{' ' + words if words else ''}", "```", ""]
-    lines += ["Examples:" if len(example_lines(command)) > 1 else "Example:", "", "```bash", *example_lines(command), "```", ""]
+    lines += [
+        "Examples:" if len(example_lines(command)) > 1 else "Example:",
+        "",
+        "```bash",
+        *example_lines(command),
+        "```",
+        "",
+    ]
     rows = option_rows(command)
     own = [row for row in rows if row[0].strip("`-").replace("-", "_") not in shared]
     if len(own) < len(rows):
@@ -68,15 +92,7 @@ def cli_page() -> str:
     shared = set(declared())
     context = click.Context(group)
     commands = {name: group.get_command(context, name) for name in group.list_commands(context)}
-    lines = [
-        "# Command line", "", NOTE, "",
-        "Angles are degrees. Every command has `--help`; all take `--json` for output that a program reads. Results go to standard",
-        "output, everything else to standard error.", "",
-        "Exit status: 0 success; 1 tables differ (`compare`, `verify`) or the command was interrupted; 2 an error, told in one line.", "",
-        "## Parameters of the models", "",
-        "Options of `tabulate` and `eval`; which model takes which, and with what default, is in [models.md](models.md).", "",
-        "| option | value | meaning |", "| --- | --- | --- |",
-    ]  # fmt: skip
+    lines = CLI_HEAD.splitlines()
     tabulate = commands["tabulate"]
     assert tabulate is not None
     for option, value, text in option_rows(tabulate):
@@ -109,14 +125,20 @@ def models_page() -> str:
     lines += ["", "Angles are degrees here and on the command line, radians in Python.", ""]
     for name in names():
         model = spec(name)
-        layers = "`order1`, `order2`, ..." if model.components == ("order",) else ", ".join(f"`{c}`" for c in model.components)
+        layers = (
+            "`order1`, `order2`, ..."
+            if model.components == ("order",)
+            else ", ".join(f"`{c}`" for c in model.components)
+        )
         lines += [f"## {name}", "", f"{model.title}: {model.summary}.", "", f"- Variant: {model.variant}"]
         if model.errata:
             lines.append(f"- Errata: {model.errata}")
         link = f" [doi:{model.doi}](https://doi.org/{model.doi})" if model.doi else ""
         lines += [f"- Source: {model.citation}.{link}", f"- Components: {layers}"]
         if model.singular:
-            lines.append("- Infinite at the mirror direction itself; the cells of a table that hold it store their average.")
+            lines.append(
+                "- Infinite at the mirror direction itself; the cells of a table that hold it store their average."
+            )
         lines += ["", "| parameter | meaning | default | range |", "| --- | --- | --- | --- |"]
         for param in model.params:
             default, bounds = shown(param)

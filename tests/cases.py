@@ -119,9 +119,13 @@ CASES: tuple[Case, ...] = (
         "kd/pi", tags=frozenset({"closed", "colour"}),
     ),
     Case("lambert seen from below", "lambert", {}, (10.0, 91.0, 0.0), (0.0,), "horizon", tags=frozenset({"horizon"})),
-    Case("oren-nayar without tilt", "oren-nayar", {"kd": 0.5, "sigma": 0.0}, (50.0, 60.0, 20.0), (0.5 / PI,), "Eqs. 27-29"),
     Case(
-        "oren-nayar qualitative, retro", "oren-nayar", {"kd": 0.9, "sigma": math.radians(30.0), "variant": "qualitative"},
+        "oren-nayar without tilt", "oren-nayar", {"kd": 0.5, "sigma": 0.0}, (50.0, 60.0, 20.0), (0.5 / PI,),
+        "Eqs. 27-29",
+    ),
+    Case(
+        "oren-nayar qualitative, retro", "oren-nayar",
+        {"kd": 0.9, "sigma": math.radians(30.0), "variant": "qualitative"},
         (60.0, 40.0, 25.0), (_qualitative(0.9, 30.0, 60.0, 40.0, 25.0),), "Eq. 30",
     ),
     Case(

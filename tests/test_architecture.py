@@ -107,7 +107,10 @@ def test_modules_form_no_circle():
 
 
 def test_models_do_not_import_each_other():
-    folders = {n.split(".")[1] for n in MODULES if n.startswith("models.") and n.count(".") >= 1} - {"setup", "microfacet"}
+    folders = {n.split(".")[1] for n in MODULES if n.startswith("models.") and n.count(".") >= 1} - {
+        "setup",
+        "microfacet",
+    }
     assert len(folders) >= 6
     for name, tree in MODULES.items():
         own = name.split(".")[1] if name.startswith("models.") else ""
@@ -171,7 +174,9 @@ def test_light_commands_load_click_alone(words):
 
 
 def test_import_loads_nothing_heavy():
-    code = "import sys, brdftab; brdftab.models(); print(*{'numpy', 'numba', 'jax', 'OpenEXR', 'rich'} & set(sys.modules))"
+    code = (
+        "import sys, brdftab; brdftab.models(); print(*{'numpy', 'numba', 'jax', 'OpenEXR', 'rich'} & set(sys.modules))"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
 
@@ -179,7 +184,17 @@ def test_import_loads_nothing_heavy():
 def test_public_names_exist_and_are_documented():
     import brdftab
 
-    assert set(brdftab.__all__) >= {"evaluate", "tabulate", "albedo", "sample", "pdf", "read", "write", "models", "compare"}
+    assert set(brdftab.__all__) >= {
+        "evaluate",
+        "tabulate",
+        "albedo",
+        "sample",
+        "pdf",
+        "read",
+        "write",
+        "models",
+        "compare",
+    }
     for name in brdftab.__all__:
         assert getattr(brdftab, name) is not None
         assert name.startswith("__") or getattr(brdftab, name).__doc__, name
@@ -191,7 +206,10 @@ def test_public_names_exist_and_are_documented():
 
 
 def test_editing_a_helper_changes_the_cache_folder(tmp_path):
-    code = "from brdftab.jit import CACHE_FOLDER, source_hash; import numba; print(source_hash(), CACHE_FOLDER, numba.config.CACHE_DIR)"
+    code = (
+        "import numba; from brdftab.jit import CACHE_FOLDER, source_hash; "
+        "print(source_hash(), CACHE_FOLDER, numba.config.CACHE_DIR)"
+    )
     copy = tmp_path / "brdftab"
     shutil.copytree(PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__"))
 
@@ -229,9 +247,18 @@ def tree_files():
 
 
 def test_no_machine_paths_in_the_tree():
-    marks = [r"/wo" + r"rk/", r"/op" + r"t/venv", r"\.\./sha" + r"red", r"/tm" + r"p/\w", r"/ho" + r"me/\w", r"/ro" + r"ot/\w"]
+    marks = [
+        r"/wo" + r"rk/",
+        r"/op" + r"t/venv",
+        r"\.\./sha" + r"red",
+        r"/tm" + r"p/\w",
+        r"/ho" + r"me/\w",
+        r"/ro" + r"ot/\w",
+    ]
     pattern = re.compile(r"(?<![\w.])(?:" + "|".join(marks) + ")")
     files = tree_files()
     assert len(files) > 60
-    wrong = [f"{p.relative_to(ROOT)}: {m.group()}" for p in files for m in pattern.finditer(p.read_text(errors="replace"))]
+    wrong = [
+        f"{p.relative_to(ROOT)}: {m.group()}" for p in files for m in pattern.finditer(p.read_text(errors="replace"))
+    ]
     assert not wrong

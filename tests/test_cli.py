@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import click
 import numpy as np
@@ -85,12 +86,12 @@ def test_model_alone_is_enough(run, name):
 
 def test_existing_output_is_kept(run):
     assert run("tabulate", "--model", "lambert", *SMALL).exit_code == 0
-    before = open("lambert.exr", "rb").read()
+    before = Path("lambert.exr").read_bytes()
     refused = run("tabulate", "--model", "lambert", "--kd", 0.1, *SMALL)
     assert refused.exit_code == 2
     assert "lambert.exr" in refused.stderr
     assert "--overwrite" in refused.stderr
-    assert open("lambert.exr", "rb").read() == before
+    assert Path("lambert.exr").read_bytes() == before
     assert run("tabulate", "--model", "lambert", "--kd", 0.1, *SMALL, "--overwrite").exit_code == 0
     assert np.allclose(brdftab.read("lambert.exr").values, 0.1 / np.pi)
 
@@ -160,7 +161,10 @@ def test_unmet_tolerance_is_told(run):
     assert result.exit_code == 0
     assert "exceeds tolerance 1e-09" in result.stderr
     assert "float64" in result.stderr
-    assert run("tabulate", "--model", "smith", *SMALL, "--tolerance", 1e-9, "--dtype", "float64", "--overwrite").stderr == ""
+    assert (
+        run("tabulate", "--model", "smith", *SMALL, "--tolerance", 1e-9, "--dtype", "float64", "--overwrite").stderr
+        == ""
+    )
 
 
 def test_threads_change_nothing(run):
@@ -225,7 +229,10 @@ REFUSED = {
     "alpha 0": (table_of("smith", "--alpha", "0"), ("alpha = 0", "[0.0001, 10]")),
     "alpha nan": (table_of("smith", "--alpha", "nan"), ("alpha = nan", "[0.0001, 10]")),
     "alpha infinite": (table_of("smith", "--alpha", "inf"), ("alpha = inf",)),
-    "anisotropic Phong": (table_of("smith", "--ndf", "phong", "--alpha-x", ".3", "--alpha-y", ".5"), ("isotropic", "alpha")),
+    "anisotropic Phong": (
+        table_of("smith", "--ndf", "phong", "--alpha-x", ".3", "--alpha-y", ".5"),
+        ("isotropic", "alpha"),
+    ),
     "Phong too rough": (table_of("vgroove-nonsym", "--ndf", "phong", "--alpha", "1.5"), ("alpha = 1.5", "sqrt 2")),
     "point at the mirror": (
         ("tabulate", "--model", "vgroove-sym", "--theta-i", "10,30", "--phi", "0,180", "--cell", "point"),
@@ -259,7 +266,10 @@ REFUSED = {
     "unknown masking": (table_of("smith", "--masking", "none"), ("masking = none", "separable")),
     "no bounces": (table_of("vgroove-sym", "--max-bounces", "0"), ("max_bounces = 0",)),
     "bounces of one": (table_of("smith", "--max-bounces", "3"), ("max_bounces",)),
-    "wavelength unknown": (table_of("smith", "--material", "Cu2O", "--wavelengths", "1500"), ("1500", "Cu2O", "899.71")),
+    "wavelength unknown": (
+        table_of("smith", "--material", "Cu2O", "--wavelengths", "1500"),
+        ("1500", "Cu2O", "899.71"),
+    ),
     "wavelengths unsorted": (table_of("smith", "--wavelengths", "550,450"), ("wavelengths = 550,450", "increasing")),
     "too few wavelengths": (table_of("smith", "--spectral-samples", "2"), ("samples = 2",)),
     "wavelengths of glass": (table_of("smith", "--ior", "1.5", "--wavelengths", "500"), ("wavelengths",)),

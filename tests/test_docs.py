@@ -1,4 +1,4 @@
-"""README and docs: every Python block runs, commands run or say why not, generated pages are fresh, links lead somewhere."""
+"""README and docs: Python blocks run, commands run or say why not, generated pages are fresh, links lead somewhere."""
 
 import re
 import shlex
@@ -101,7 +101,9 @@ def test_links_lead_somewhere(page):
         file = (page.parent / path).resolve() if path else page
         assert file.exists(), f"{name(page)}: {target}"
         if anchor:
-            assert anchor in {slug(t) for t in re.findall(r"^#+ (.*)$", file.read_text(), re.M)}, f"{name(page)}: {target}"
+            assert anchor in {slug(t) for t in re.findall(r"^#+ (.*)$", file.read_text(), re.M)}, (
+                f"{name(page)}: {target}"
+            )
 
 
 def test_every_page_is_in_the_index():

@@ -88,7 +88,9 @@ def test_reflectance_of_a_row_equals_its_python(kind):
         function(kind, a, b, table, 0.6, row)
         rows.append(row)
     assert np.allclose(*rows, rtol=RTOL)
-    assert np.allclose(rows[0], [2.0 * fresnel.reflectance(kind, x, y, 0.6) for x, y in zip(a, b, strict=True)], rtol=RTOL)
+    assert np.allclose(
+        rows[0], [2.0 * fresnel.reflectance(kind, x, y, 0.6) for x, y in zip(a, b, strict=True)], rtol=RTOL
+    )
 
 
 # ---------------------------------------------------------------- whole models in a process without JIT
@@ -143,9 +145,7 @@ def test_models_without_jit_equal_the_compiled_ones():
     for (name, given), (parts, total) in zip(todo, json.loads(done.stdout), strict=True):
         compiled = brdftab.evaluate(name, theta_i, theta_o, phi, phi_i=phi_i, tolerance=1e-4, **given)
         assert np.allclose(total, compiled, rtol=RTOL, atol=1e-16), (name, given)
-        layers = brdftab.evaluate(
-            name, theta_i, theta_o, phi, phi_i=phi_i, components=True, tolerance=1e-4, **given
-        )
+        layers = brdftab.evaluate(name, theta_i, theta_o, phi, phi_i=phi_i, components=True, tolerance=1e-4, **given)
         assert list(layers) == list(parts)
         for layer, value in layers.items():
             # single orders may be differences of numbers near the total

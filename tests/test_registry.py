@@ -72,7 +72,9 @@ def settings(model):
         assert mine, f"no value of {param.name} is accepted by {model}"
         found += mine
     for ndf in spec.ndfs:
-        found += [{"ndf": ndf, "alpha": alpha} for alpha in (1e-4, 0.5, 10.0) if accepted(model, {"ndf": ndf, "alpha": alpha})]
+        found += [
+            {"ndf": ndf, "alpha": alpha} for alpha in (1e-4, 0.5, 10.0) if accepted(model, {"ndf": ndf, "alpha": alpha})
+        ]
     return found
 
 
@@ -82,7 +84,6 @@ def physical(model, given):
     if any(p.name == "material" for p in models.spec(model).params) and not sources & set(given):
         return {**given, "material": "mirror"}
     return given
-
 
 
 CASES = [pytest.param(name, given, id=f"{name} {given}") for name in NAMES for given in settings(name)]
@@ -191,7 +192,9 @@ def test_unknown_and_malformed_parameters_are_refused(name):
     with pytest.raises(ParameterError, match="nonsense is not a parameter"):
         resolve(name, nonsense=1.0)
     for param in models.spec(name).params:
-        wrong = ["nonsense", [], {}] if param.kind == "choice" else ["nonsense", math.nan, math.inf, -1e9, [], [[1.0]], {}]
+        wrong = (
+            ["nonsense", [], {}] if param.kind == "choice" else ["nonsense", math.nan, math.inf, -1e9, [], [[1.0]], {}]
+        )
         for value in wrong:
             with pytest.raises(ParameterError, match=param.name) as caught:
                 resolve(name, **{param.name: value})
@@ -202,9 +205,7 @@ def test_unknown_and_malformed_parameters_are_refused(name):
 @pytest.mark.parametrize("dtype", ["float32", "float64"])
 def test_table_holds_the_values_of_its_cells(name, dtype):
     table = brdftab.tabulate(name, "4x4x6", dtype=dtype, tolerance=1e-6)
-    value = brdftab.evaluate(
-        name, table.theta_i[:, None, None], table.theta_o[:, None], table.phi, tolerance=1e-9
-    )
+    value = brdftab.evaluate(name, table.theta_i[:, None, None], table.theta_o[:, None], table.phi, tolerance=1e-9)
     plain = np.ones(table.grid.shape, bool)
     if models.spec(name).singular:
         plain[tuple(table.grid.mirror_cells().T)] = False

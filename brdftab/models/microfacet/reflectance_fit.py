@@ -111,7 +111,7 @@ def _fit_zone(fresnel: Fresnel, start: float, target: float, dtype: type) -> tup
         pole = int(np.argmin([np.abs(series[degree + 1 :]).sum(axis=0).max() for series in candidates]))
         m1, m0, d1, d0 = mappings[pole]
         coefficients = _powers(candidates[pole][: degree + 1])
-        x = ((m1 * cosine + m0) / (d1 * cosine + d0)).astype(dtype)
+        x: np.ndarray = ((m1 * cosine + m0) / (d1 * cosine + d0)).astype(dtype)
         error = float((np.abs(_evaluate(coefficients, x) - exact) / size).max())
         if best is None or error < best[2]:
             best = coefficients, np.array(mappings[pole]), error

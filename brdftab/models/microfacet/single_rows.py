@@ -1,8 +1,9 @@
 """One row of a single-bounce table, all azimuths of a pair of polar angles, in loops that vectorise.
 
-With t = tan^2(theta_h) = tan^2((theta_i - theta_o)/2) + 2 s_i s_o (1 + cos phi)/(c_i + c_o)^2, where no term cancels, and
-q = 1 + t = 1/cos^2(theta_h): i.h = (c_i + c_o) sqrt(q)/2, GGX is a^2 q^2/(pi (a^2 + t)^2), Beckmann exp(-t/a^2) q^2/(pi a^2)
-and Phong (n + 2)/(2 pi) q^(-n/2). Masking over 4 c_i c_o is min(u, v/q), v = inf but in V-cavities.
+With t = tan^2(theta_h) = tan^2((theta_i - theta_o)/2) + 2 s_i s_o (1 + cos phi)/(c_i + c_o)^2, where no term cancels,
+and q = 1 + t = 1/cos^2(theta_h): i.h = (c_i + c_o) sqrt(q)/2, GGX is a^2 q^2/(pi (a^2 + t)^2), Beckmann
+exp(-t/a^2) q^2/(pi a^2) and Phong (n + 2)/(2 pi) q^(-n/2). Masking over 4 c_i c_o is min(u, v/q), where v = inf except
+in V-cavities.
 
 A loop works in the type of its arrays, so constants come in arrays too: a literal would widen float32 to float64.
 """
@@ -21,8 +22,6 @@ LN2_LOW = 1.90821492927058770002e-10
 # 1.5 * 2^52: adding it leaves the nearest integer in the last bits of a float64
 ROUND = 6755399441055744.0
 SQRT_HALF_BITS = 0x3FE6A09E667F3BCD
-# the reference NDFs are cut at the same depth
-DEEPEST = 700.0
 
 
 @kernel

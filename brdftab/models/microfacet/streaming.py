@@ -1,7 +1,8 @@
 """Stores that bypass the cache, for tables far larger than it: without them every line is read before it is written.
 
-On one core they write a square table row by row, each row twice, 2.5 times as fast as plain stores. A locked instruction
-waits until they are all through, and Numba counts the references of a slice with one: no slices between calls of `put`.
+On one core they write a square table row by row, each row twice, 2.5 times as fast as plain stores. A locked
+instruction waits until they are all through, and Numba counts the references of a slice with one: no slices between
+calls of `put`.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from typing import Any
 
 import numba
 import numpy as np
-from llvmlite import ir
+from llvmlite import ir  # type: ignore[import-untyped]  # ships no annotations
 from numba import types
 from numba.extending import intrinsic
 
@@ -36,8 +37,7 @@ def _copy(context: Any, builder: Any, signature: Any, args: Any, lanes: int) -> 
     return context.get_dummy_value()
 
 
-@intrinsic
-def _store_one(typing_context: Any, out: Any, at: Any, source: Any, start: Any) -> Any:
+def _declare_one(typing_context: Any, out: Any, at: Any, source: Any, start: Any) -> Any:
     """Copy a number past the cache."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -46,8 +46,7 @@ def _store_one(typing_context: Any, out: Any, at: Any, source: Any, start: Any) 
     return types.void(out, types.int64, source, types.int64), generate
 
 
-@intrinsic
-def _store_four(typing_context: Any, out: Any, at: Any, source: Any, start: Any) -> Any:
+def _declare_four(typing_context: Any, out: Any, at: Any, source: Any, start: Any) -> Any:
     """Copy four numbers past the cache, to a place that is aligned to their size."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -56,8 +55,7 @@ def _store_four(typing_context: Any, out: Any, at: Any, source: Any, start: Any)
     return types.void(out, types.int64, source, types.int64), generate
 
 
-@intrinsic
-def _fence(typing_context: Any) -> Any:
+def _declare_fence(typing_context: Any) -> Any:
     """Order the stores above before anything that follows: they are weakly ordered on x86."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -65,6 +63,12 @@ def _fence(typing_context: Any) -> Any:
         return context.get_dummy_value()
 
     return types.void(), generate
+
+
+_store_one: Any = intrinsic(_declare_one)
+_store_four: Any = intrinsic(_declare_four)
+_fence: Any = intrinsic(_declare_fence)
+_config: Any = numba.config
 
 
 @kernel
@@ -96,6 +100,6 @@ def put(phase, source, count, out, at):
 
 def stream_phase(out: np.ndarray) -> int:
     """Return how many numbers before its start a C-ordered array is aligned for `put`; -1 where that does not pay."""
-    if out.nbytes < WORTHWHILE or out.ctypes.data % out.itemsize or numba.config.DISABLE_JIT:
+    if out.nbytes < WORTHWHILE or out.ctypes.data % out.itemsize or _config.DISABLE_JIT:
         return -1
     return int(out.ctypes.data // out.itemsize % LANES)

@@ -20,7 +20,7 @@ from brdftab.models.microfacet.frame import pair
 from brdftab.models.microfacet.groove2d import beam_symmetric
 from brdftab.models.microfacet.ndf import density, shape_at
 from brdftab.models.microfacet.project import unit_gauss
-from brdftab.models.microfacet.tail import tail_node, tail_power
+from brdftab.models.microfacet.tail import tail_node
 from brdftab.models.setup import Setup
 from brdftab.models.vgroove_sym.bounces import sincos_small, step_tables
 from brdftab.models.vgroove_sym.chains import (
@@ -65,6 +65,8 @@ NO_CAP = 2_000_000_000
 REACH = 1e-5
 # orders up to this one add up the powers of their cosines bounce by bounce, longer ones by the expansion
 DIRECT = 24
+# the tail's terms carry a share like 1/x: nodes crowd towards small x, x = low + (high - low) s^3
+TAIL_POWER = 3.0
 FIRST_CELLS = 4096
 
 
@@ -77,14 +79,13 @@ def _tail(k, k_last, p, ndf, shape, mirror, gauss, lanes, terms, expansion, batc
     low, high = 1.0 / min(lanes[END + p], k_last), 1.0 / (k - 1.0)
     cut1 = min(max(small / reach, low), high)
     cut2 = min(max(big / reach, low), high)
-    power = tail_power(ndf, shape)
     for panel in range(3):
         x0 = low if panel == 0 else (cut1 if panel == 1 else cut2)
         x1 = cut1 if panel == 0 else (cut2 if panel == 1 else high)
         if x1 - x0 <= 1e-15:
             continue
         for q in range(gauss.shape[1]):
-            x, dx = tail_node(power if panel == 0 else 1.0, x0, x1, gauss[0, q])
+            x, dx = tail_node(TAIL_POWER, x0, x1, gauss[0, q])
             s, c = sincos_small(reach * x)
             beam = beam_symmetric(s, c, sin_t, cos_t, sin_q, cos_q)
             if beam <= 0.0:
@@ -251,9 +252,9 @@ def _optics(fresnel: Fresnel, tolerance: float) -> tuple[Any, ...] | None:
 def _explicit(tolerance: float, alpha: float) -> tuple[int, int]:
     """Return how many orders are summed one by one, and the nodes of the tail, for a relative tolerance.
 
-    The tail's error falls like the square of the number of orders and grows with the roughness (measured).
+    The tail's error grows with the roughness; measured at F = 1 near the mirror direction, where it is largest.
     """
-    orders, nodes = (24, 4) if tolerance >= 5e-4 else (96, 4) if tolerance >= 1e-4 else (256, 8)
+    orders, nodes = (24, 4) if tolerance >= 5e-4 else (48, 5) if tolerance >= 1e-4 else (128, 8)
     return math.ceil(orders * max(1.5 * alpha, 1.0) ** 0.6), nodes
 
 
@@ -306,7 +307,8 @@ def prepare(setup: Setup, tolerance: float, trial: bool = False) -> Prepared | N
         Prepared only to compile the kernels; nothing is cheaper for it here.
     """
     assert setup.fresnel is not None
-    if not setup.isotropic or tolerance < REACH:
+    # beyond alpha = 1 Phong's exponent is negative and the orders hardly fall off
+    if not setup.isotropic or tolerance < REACH or (setup.ndf == 2 and setup.alpha_x > 1.0):
         return None
     optics = _optics(setup.fresnel, tolerance)
     return None if optics is None else Prepared(setup, tolerance, optics)
