@@ -5,8 +5,6 @@ from __future__ import annotations
 import contextlib
 import itertools
 import math
-import os
-import platform
 import time
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -23,15 +21,14 @@ from brdftab.errors import ParameterError, SingularDirectionError
 from brdftab.estimate import Estimate, estimate
 from brdftab.evaluation import ORDERS, check_tolerance, singular
 from brdftab.grid import Grid
-from brdftab.integrals import directional
 from brdftab.models.setup import Setup, component_names, resolve
+from brdftab.provenance import machine, physics, verdict
 from brdftab.table import Table
 
 Array = NDArray[np.float64]
 DEFAULT_GRID = "90x90x180"
 DEFAULT_ANISOTROPIC = "15x24x15x24"
 TOLERANCE = 1e-3
-ALBEDO_ANGLES = (0.0, 30.0, 60.0, 80.0)
 MIRROR_NODES = (7, 11)
 AVERAGE_NODES = (3, 5, 8)
 
@@ -263,28 +260,16 @@ def tabulate(
             "cell": layout.cell,
             "tolerance": asked,
             "components": components,
-            "error": {"tolerance": asked, **judged.to_json(), **_verdict(judged, asked, dtype)},
-            "spectral": _spectral(setup),
-            "albedo": _albedo(run.engine),
-            "energy_left_out": _left_out(setup, asked),
+            "error": {"tolerance": asked, **judged.to_json(), **verdict(judged, asked, dtype)},
             "averaged_cells": len(run.cells) if layout.cell != "average" else layout.size,
             "method": "prepared" if run.engine.is_fast else "direct",
-            "variant": setup.model.variant,
-            "citation": setup.model.citation,
-            "doi": setup.model.doi,
+            **physics(setup, run.engine, asked),
             "kernel_time_s": run.kernel_time,
             "compile_time_s": compile_time,
             "total_time_s": 0.0,
             "cells_per_s": layout.size / max(run.kernel_time, 1e-9),
             "threads": used,
-            "machine": {
-                "python": platform.python_version(),
-                "numba": numba.__version__,
-                "numpy": np.__version__,
-                "cpus": os.cpu_count() or 1,
-                "system": platform.system(),
-                "architecture": platform.machine(),
-            },
+            "machine": machine(),
         }
     layers = dict(zip(names, run.values, strict=True)) if components else {}
     table = Table(run.total, layout, setup.channels, layers, None, provenance, __version__)
@@ -313,50 +298,6 @@ def _until_met(
     assert best is not None
     best[0].kernel_time = cost
     return best
-
-
-def _verdict(judged: Estimate, tolerance: float, dtype: DTypeLike) -> dict[str, Any]:
-    """Say whether the tolerance is met, and why not."""
-    if judged.largest <= tolerance:
-        return {"met": True, "reason": ""}
-    if np.dtype(dtype) == np.float32 and judged.largest <= 1.2e-7:
-        return {"met": False, "reason": "float32 rounds to 6e-8; ask for --dtype float64"}
-    return {
-        "met": False,
-        "reason": (
-            "the finest rule leaves kinks and the mirror singularity inside cells; ask for a finer grid or cell = center"
-        ),
-    }
-
-
-def _spectral(setup: Setup) -> dict[str, Any] | None:
-    """Say how many wavelengths stand behind RGB and what they cost in accuracy."""
-    if setup.fresnel is None:
-        return None
-    return {
-        "wavelengths_nm": list(setup.fresnel.wavelengths),
-        "error_against_5nm": setup.fresnel.spectral_error,
-        "source": setup.fresnel.source,
-    }
-
-
-def _albedo(engine: Engine) -> dict[str, Any]:
-    """Return the directional albedo at four angles, a value a channel."""
-    values = [directional(engine, math.radians(a)).sum(axis=0).tolist() for a in ALBEDO_ANGLES]
-    return {"theta_i_degrees": list(ALBEDO_ANGLES), "values": values}
-
-
-def _left_out(setup: Setup, tolerance: float) -> dict[str, Any] | None:
-    """Return the albedo that a cap of the bounces leaves out at four angles, a value a channel; None without cap."""
-    if setup.max_bounces is None:
-        return None
-    free = resolve(setup.model.name, **{n: v for n, v in setup.parameters.items() if n != "max_bounces"})
-    engines = [Engine(s, min(tolerance, 1e-4), fast=False) for s in (free, setup)]
-    lost = [
-        (directional(engines[0], math.radians(a))[0] - directional(engines[1], math.radians(a))[0]).tolist()
-        for a in ALBEDO_ANGLES
-    ]
-    return {"theta_i_degrees": list(ALBEDO_ANGLES), "values": lost}
 
 
 def retabulate(table: Table, threads: int | None = None) -> Table:

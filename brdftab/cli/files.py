@@ -116,12 +116,11 @@ def verify(
 
 def _verify(file: str, rtol: float | None, atol: float | None, threads: int | None) -> dict[str, Any]:
     """Verify one file; an error is a result like another, so that the remaining files are still done."""
-    from brdftab.tabulation import retabulate
-
     from brdftab._version import __version__
     from brdftab.comparison import compare as compare_tables
     from brdftab.errors import BrdftabError
     from brdftab.io import read
+    from brdftab.tabulation import retabulate
 
     result: dict[str, Any] = {"file": file, "installed": __version__}
     try:

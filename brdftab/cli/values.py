@@ -211,6 +211,12 @@ def _summary(table: Table, paths: tuple[str, ...], wall: float, as_json: bool) -
             click.echo(f"components   {' '.join(table.components)}")
         for angle, values in zip(albedo["theta_i_degrees"], albedo["values"], strict=True):
             click.echo(f"albedo {angle:>4g}  " + "  ".join(f"{v:.5f}" for v in values))
+        spectral = made["spectral"]
+        if spectral and spectral["error_against_5nm"] > 0.0:
+            count = len(spectral["wavelengths_nm"])
+            click.echo(
+                f"spectrum     {count} wavelengths, error {spectral['error_against_5nm']:.0e} against 5 nm steps"
+            )
         if made["energy_left_out"]:
             for angle, values in zip(albedo["theta_i_degrees"], made["energy_left_out"]["values"], strict=True):
                 click.echo(f"left out {angle:>2g}  " + "  ".join(f"{v:.2e}" for v in values))

@@ -59,7 +59,7 @@ def reflectance(kind, a, b, cosine):
 
 @kernel
 def multiply(kind, a, b, table, cosine, row):
-    """Multiply row[w] by F_w(cosine) for every wavelength w; `table` (cells + 1, 2 W) replaces exact values if not empty.
+    """Multiply row[w] by F_w(cosine) for every wavelength w; `table` (cells + 1, 2 W) serves if it is not empty.
 
     A row of the table holds F at the cell's left end, then the step to its right end, for all wavelengths together, so
     that one look-up serves them all.

@@ -76,10 +76,8 @@ def add_bounces(
         sign = 1.0 if family < 2 else -1.0
         z = th if parity else d
         reach = 0.5 * PI + sign * z
-        if sign > 0.0:
-            limit = big_m
-        else:
-            limit = d if parity else th
+        behind = d if parity else th
+        limit = big_m if sign > 0.0 else behind
         end = reach / (limit + 1e-300)
         sin_q = sign * (sin_small if parity else -sin_small)
         k = 2 + parity

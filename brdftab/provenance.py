@@ -1,0 +1,87 @@
+"""What a table says of itself beside its numbers: verdict on its error, albedo, spectrum, machine."""
+
+from __future__ import annotations
+
+import math
+import os
+import platform
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import DTypeLike
+
+from brdftab.engine import Engine
+from brdftab.estimate import Estimate
+from brdftab.integrals import directional
+from brdftab.models.setup import Setup, resolve
+
+ALBEDO_ANGLES = (0.0, 30.0, 60.0, 80.0)
+
+
+def machine() -> dict[str, Any]:
+    """Return versions and the kind of machine."""
+    return {
+        "python": platform.python_version(),
+        "numba": numba.__version__,
+        "numpy": np.__version__,
+        "cpus": os.cpu_count() or 1,
+        "system": platform.system(),
+        "architecture": platform.machine(),
+    }
+
+
+def physics(setup: Setup, engine: Engine, tolerance: float) -> dict[str, Any]:
+    """Return what follows from the setup: spectrum, albedo, energy left out, formula and citation."""
+    return {
+        "spectral": _spectral(setup),
+        "albedo": _albedo(engine),
+        "energy_left_out": _left_out(setup, tolerance),
+        "variant": setup.model.variant,
+        "citation": setup.model.citation,
+        "doi": setup.model.doi,
+    }
+
+
+def verdict(judged: Estimate, tolerance: float, dtype: DTypeLike) -> dict[str, Any]:
+    """Say whether the tolerance is met, and why not."""
+    if judged.largest <= tolerance:
+        return {"met": True, "reason": ""}
+    if np.dtype(dtype) == np.float32 and judged.largest <= 1.2e-7:
+        return {"met": False, "reason": "float32 rounds to 6e-8; ask for --dtype float64"}
+    return {
+        "met": False,
+        "reason": (
+            "the finest rule leaves kinks and the singularity inside cells; ask for a finer grid or cell = center"
+        ),
+    }
+
+
+def _spectral(setup: Setup) -> dict[str, Any] | None:
+    """Say how many wavelengths stand behind RGB and what they cost in accuracy."""
+    if setup.fresnel is None:
+        return None
+    return {
+        "wavelengths_nm": list(setup.fresnel.wavelengths),
+        "error_against_5nm": setup.fresnel.spectral_error,
+        "source": setup.fresnel.source,
+    }
+
+
+def _albedo(engine: Engine) -> dict[str, Any]:
+    """Return the directional albedo at four angles, a value a channel."""
+    values = [directional(engine, math.radians(a)).sum(axis=0).tolist() for a in ALBEDO_ANGLES]
+    return {"theta_i_degrees": list(ALBEDO_ANGLES), "values": values}
+
+
+def _left_out(setup: Setup, tolerance: float) -> dict[str, Any] | None:
+    """Return the albedo that a cap of the bounces leaves out at four angles, a value a channel; None without cap."""
+    if setup.max_bounces is None:
+        return None
+    free = resolve(setup.model.name, **{n: v for n, v in setup.parameters.items() if n != "max_bounces"})
+    engines = [Engine(s, min(tolerance, 1e-4), fast=False) for s in (free, setup)]
+    lost = [
+        (directional(engines[0], math.radians(a))[0] - directional(engines[1], math.radians(a))[0]).tolist()
+        for a in ALBEDO_ANGLES
+    ]
+    return {"theta_i_degrees": list(ALBEDO_ANGLES), "values": lost}
