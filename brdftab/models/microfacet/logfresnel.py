@@ -70,19 +70,17 @@ def add_products(value, sums, coefficients, powers, scratch, acc):
     """Add value * exp(sum_p a_wp L_q^p S_p) to acc (Q, W); powers (P, Q) holds L_q^p, scratch (Q, W)."""
     size, degree = coefficients.shape
     lengths = powers.shape[1]
+    # plain indices: a slice in here would cost a locked reference count each time
     for w in range(size):
-        z = scratch[w]
         for q in range(lengths):
-            z[q] = 0.0
+            scratch[w, q] = 0.0
         for p in range(degree):
             a = coefficients[w, p] * sums[p] * 0.00390625
-            row = powers[p]
             for q in range(lengths):
-                z[q] += a * row[q]
-        out = acc[w]
+                scratch[w, q] += a * powers[p, q]
         for q in range(lengths):
             # exp(x) = (exp(x/256))^256: no call, so that the loop is vectorised
-            y = max(z[q], -0.25)
+            y = max(scratch[w, q], -0.25)
             e = 1.0 + y * (1.0 + y * (0.5 + y * (1 / 6 + y * (1 / 24 + y * (1 / 120 + y / 720)))))
             e *= e
             e *= e
@@ -92,4 +90,4 @@ def add_products(value, sums, coefficients, powers, scratch, acc):
             e *= e
             e *= e
             e *= e
-            out[q] += value * e
+            acc[w, q] += value * e

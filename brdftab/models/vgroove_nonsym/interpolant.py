@@ -124,10 +124,9 @@ def _higher_orders(big, ratio, grid, sums, wu, wv):
     for a in range(4):
         for b in range(4):
             w = wu[a] * wv[b]
-            node = grid[i + a, j + b]
-            lowest = min(lowest, node[0])
+            lowest = min(lowest, grid[i + a, j + b, 0])
             for e in range(entries):
-                sums[e] += w * node[e]
+                sums[e] += w * grid[i + a, j + b, e]
     if lowest < FAINT:
         sums[0] = _straight(grid, x, y)
 

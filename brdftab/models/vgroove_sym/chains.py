@@ -39,7 +39,7 @@ BEFORE, MEAN, POWER_A, POWER_B, LOWER_A, LOWER_B, LENGTHS = (LANES * n for n in 
 def log_polynomial(fresnel: Fresnel, tolerance: float) -> np.ndarray | None:
     """Return coefficients (W, P) of log F without constant term, or None if they miss the tolerance.
 
-    Errors where F is below 0.01 weigh less: products of several such are nothing. F(0) = 1 for every kind.
+    Errors where F is below 0.001 weigh less: products of several such are nothing. F(0) = 1 for every kind.
     """
     cosine = 0.5 * (1.0 - np.cos(np.pi * (np.arange(800) + 0.5) / 800.0))
     value = reflectance(fresnel, cosine)
@@ -47,7 +47,7 @@ def log_polynomial(fresnel: Fresnel, tolerance: float) -> np.ndarray | None:
         return None
     logs = np.log(value)
     basis = cosine[:, None] ** np.arange(1, DEGREE + 1)
-    weight = np.minimum(100.0 * value, 1.0)
+    weight = np.minimum(1000.0 * value, 1.0)
     rows = [np.linalg.lstsq(basis * f[:, None], g * f, rcond=None)[0] for f, g in zip(weight.T, logs.T, strict=True)]
     error = np.abs((basis @ np.transpose(rows) - logs) * weight).max()
     return np.array(rows) if error <= tolerance else None

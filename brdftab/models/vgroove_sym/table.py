@@ -118,7 +118,7 @@ def _higher_orders(n, distribution, orders, optics, lanes, scratch):
                 high -= 1
             if low == high or k > k_cap:
                 break
-            if not (mirror or expanded) and k > DIRECT:
+            if not (mirror or expanded) and k > min(DIRECT, k_explicit):
                 expand(high - low, lanes[low:], state, expansion[low:])
                 expanded = True
             if k > k_explicit:
@@ -254,8 +254,8 @@ def _explicit(tolerance: float, alpha: float) -> tuple[int, int]:
 
     The tail's error grows with the roughness; measured at F = 1 near the mirror direction, where it is largest.
     """
-    orders, nodes = (24, 4) if tolerance >= 5e-4 else (48, 5) if tolerance >= 1e-4 else (128, 8)
-    return math.ceil(orders * max(1.5 * alpha, 1.0) ** 0.6), nodes
+    orders, nodes = (24, 5) if tolerance >= 5e-4 else (32, 6) if tolerance >= 1e-4 else (128, 8)
+    return math.ceil(orders * max(1.5 * alpha, 1.0) ** 0.8), nodes
 
 
 class Prepared:
