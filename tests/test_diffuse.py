@@ -31,7 +31,13 @@ def _cavity_integral(sigma, theta_i, theta_o, phi, count=400):
 def test_oren_nayar_follows_the_cavity_integral(degrees):
     # the functional fit is good to 5 % up to 60 degrees; a factor wrong by 10 % in any of C1, C2 fails here
     sigma = math.radians(degrees)
-    for theta_i, theta_o, phi in ((0.0, 0.5, 0.0), (0.6, 0.6, 0.0), (0.9, 0.5, 0.3), (1.0, 1.0, math.pi), (1.0, 0.2, 2.0)):
+    for theta_i, theta_o, phi in (
+        (0.0, 0.5, 0.0),
+        (0.6, 0.6, 0.0),
+        (0.9, 0.5, 0.3),
+        (1.0, 1.0, math.pi),
+        (1.0, 0.2, 2.0),
+    ):
         fit = brdftab.evaluate("oren-nayar", theta_i, theta_o, phi, kd=RHO, sigma=sigma, components=True)["direct"][0]
         assert fit == pytest.approx(_cavity_integral(sigma, theta_i, theta_o, phi), rel=0.06)
 

@@ -1,4 +1,4 @@
-"""Fast tables of the symmetric groove: they keep the tolerance against direct evaluation, and are exactly reciprocal."""
+"""Fast tables of the symmetric groove: they keep the tolerance of direct evaluation and are exactly reciprocal."""
 
 import math
 from functools import cache

@@ -41,7 +41,7 @@ def log_polynomial(fresnel: Fresnel, tolerance: float) -> np.ndarray | None:
 
     Errors where F is below 0.001 weigh less: products of several such are nothing. F(0) = 1 for every kind.
     """
-    cosine = 0.5 * (1.0 - np.cos(np.pi * (np.arange(800) + 0.5) / 800.0))
+    cosine = 0.5 * (1.0 - np.cos(np.pi * (np.arange(256) + 0.5) / 256.0))
     value = reflectance(fresnel, cosine)
     if not (value > 0.0).all():
         return None

@@ -2,8 +2,8 @@
 
 The azimuths of one pair of polar angles are worked through in chunks. What does not depend on the wavelength is
 computed for a whole chunk order by order (`lanes`); the terms that matter are collected in a batch, whose products of
-reflectances are formed a wavelength at a time and projected to channels (`chains`). The far tail is an integral over the
-order.
+reflectances are formed a wavelength at a time and projected to channels (`chains`). The far tail is an integral over
+the order.
 """
 
 from __future__ import annotations
@@ -283,6 +283,8 @@ class Prepared:
     def points(self, theta_i: np.ndarray, theta_o: np.ndarray, phi: np.ndarray, phi_i: np.ndarray) -> np.ndarray:
         """Evaluate at N pairs of directions (radians; phi_i does not matter); returns (N, 1, C) in 1/sr."""
         out = np.empty((theta_i.size, self._channels))
+        # other memory layouts would be compiled anew
+        theta_i, theta_o, phi = (np.ascontiguousarray(axis) for axis in (theta_i, theta_o, phi))
         _points(theta_i, theta_o, phi, *self._arguments, out)
         return out[:, None, :]
 
@@ -291,6 +293,7 @@ class Prepared:
 
         A square grid (both theta axes the same) is computed half and mirrored: reciprocal bit for bit.
         """
+        theta_i, theta_o = np.ascontiguousarray(theta_i), np.ascontiguousarray(theta_o)
         _fill(theta_i, theta_o, np.cos(0.5 * phi), np.sin(phi), square, *self._arguments, out)
 
 
