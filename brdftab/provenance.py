@@ -52,7 +52,7 @@ def verdict(judged: Estimate, tolerance: float, dtype: DTypeLike) -> dict[str, A
     return {
         "met": False,
         "reason": (
-            "the finest rule leaves kinks and the singularity inside cells; ask for a finer grid or cell = center"
+            "the rule for cells with kinks or the mirror direction leaves this much; ask for a looser tolerance"
         ),
     }
 

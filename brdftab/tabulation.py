@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import math
+import os
 import time
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -17,7 +18,7 @@ from brdftab import models
 from brdftab._version import __version__
 from brdftab.cells import axis_nodes, mirror_average
 from brdftab.engine import Engine, Progress
-from brdftab.errors import ParameterError, SingularDirectionError
+from brdftab.errors import GridError, ParameterError, SingularDirectionError
 from brdftab.estimate import Estimate, estimate
 from brdftab.evaluation import ORDERS, check_tolerance, singular
 from brdftab.grid import Grid
@@ -167,12 +168,28 @@ class _Run:
         return self.values.sum(axis=0, dtype=np.float64).astype(self.values.dtype)
 
 
-def _warm_up(setup: Setup, tolerance: float, orders: int) -> float:
+def _check_memory(grid: Grid, channels: int, dtype: DTypeLike, layers: int) -> None:
+    """Refuse a table that the machine cannot hold, rather than let the system end the process."""
+    needed = grid.nbytes(channels, dtype) * (layers + 1)
+    try:
+        there = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):
+        return
+    if needed > 0.8 * there:
+        raise GridError(
+            f"grid = {'x'.join(map(str, grid.shape))} needs {needed / 2**30:.3g} GiB, outside the "
+            f"{0.8 * there / 2**30:.3g} GiB that this machine offers; ask for a coarser grid, float32 or no components"
+        )
+
+
+def _warm_up(setup: Setup, tolerance: float, orders: int, dtype: DTypeLike) -> float:
     """Compile the kernels on a handful of cells and return the time it took."""
     started = time.perf_counter()
     engine = Engine(setup, tolerance, orders, trial=True)
     angle = np.array([0.3, 0.7])
-    engine.fill(angle, angle, angle, np.empty((engine.layers, 2, 2, 2, len(setup.channels)), np.float32))
+    if setup.isotropic:
+        engine.fill(angle, angle, angle, np.empty((engine.layers, 2, 2, 2, len(setup.channels)), dtype))
+    engine.points(angle, angle[::-1].copy(), angle, angle)
     return time.perf_counter() - started
 
 
@@ -249,8 +266,9 @@ def tabulate(
             f"{'x'.join(map(str, layout.shape))}; give theta_i x phi_i x theta_o x phi_o, as {DEFAULT_ANISOTROPIC}"
         )
     orders = ORDERS if components else 0
+    _check_memory(layout, len(setup.channels), dtype, len(component_names(setup, orders)) if components else 0)
     with thread_count(threads) as used:
-        compile_time = _warm_up(setup, asked, orders)
+        compile_time = _warm_up(setup, asked, orders, np.float64 if layout.cell == "average" else dtype)
         run, judged = _until_met(setup, layout, dtype, asked, orders, progress)
         names = component_names(setup, orders) if components else ()
         provenance = {

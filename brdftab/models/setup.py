@@ -129,7 +129,12 @@ def _fresnel(given: Mapping[str, Any], model: Model) -> Fresnel:
     material = given.get("material") or model.param("material").default
     if material == "mirror":
         return builders.mirror()
-    return builders.metal(material, samples=samples, wavelengths=waves)
+    try:
+        return builders.metal(material, samples=samples, wavelengths=waves)
+    except ParameterError as error:
+        # the builder knows this parameter by its short name
+        text = str(error)
+        raise ParameterError(f"spectral_{text}" if text.startswith("samples") else text) from None
 
 
 def _roughness(given: dict[str, Any], model: Model) -> tuple[int, float, float]:

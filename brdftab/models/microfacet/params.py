@@ -35,7 +35,7 @@ FRESNEL_PARAMS = (
     Param("ior", "", None, (1.0, 1e4), "dielectric refractive index; one value or three", "channels"),
     Param("f0", "", None, (0.0, 1.0), "Schlick's reflectance at normal incidence; one value or three", "channels"),
     Param("wavelengths", "nm", None, (200.0, 2500.0), "write these wavelengths as channels instead of RGB", "channels"),
-    Param("spectral_samples", "", None, (1, 40), "wavelengths behind RGB (default: chosen for the metal)", "int"),
+    Param("spectral_samples", "", None, (3, 81), "wavelengths behind RGB (default: chosen for the metal)", "int"),
 )
 
 MAX_BOUNCES = Param(
