@@ -142,7 +142,7 @@ def estimate(
         pick = np.unique(np.linspace(len(singular_cells) // 3, len(singular_cells) - 1, MIRRORS).round().astype(int))
         some = singular_cells[pick]
         rough = Engine(setup, min(0.1 * tolerance, 1e-4), fast=False)
-        reference = np.concatenate([reference, mirror_average(rough, grid, some, MIRROR_FINE)[:, 0]])
+        reference = np.concatenate([reference, mirror_average(rough, grid, some, max(MIRROR_FINE, nodes + 1))[:, 0]])
         compared = np.concatenate([compared, values[tuple(some.T)]])
         cells = np.concatenate([cells, some])
     else:

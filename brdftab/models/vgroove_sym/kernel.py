@@ -142,7 +142,8 @@ def points(
     orders : int
         0 for the total, else that many bounce orders and one layer for the rest.
     tolerance : float
-        Relative error asked; below 1e-5 the sum is exact to about 1e-9.
+        Relative error asked; below 1e-5 the sum is exact to about 1e-9, next to the mirror direction (k in the
+        hundreds) to 5e-6 for GGX at alpha 1.
 
     Returns
     -------
