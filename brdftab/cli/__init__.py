@@ -35,8 +35,16 @@ class _Group(click.Group):
         return getattr(importlib.import_module(module), name)
 
     def invoke(self, ctx: click.Context) -> Any:
+        """Run the command; bad input ends in one line on stderr."""
         try:
             return super().invoke(ctx)
+        except click.exceptions.NoArgsIsHelpError:
+            raise
+        except click.UsageError as error:
+            path = error.ctx.command_path if error.ctx else ctx.command_path
+            message = " ".join(error.format_message().split())
+            click.echo(f"Error: {message} See {path} --help.", err=True)
+            ctx.exit(2)
         except BrdftabError as error:
             message = " ".join(str(error).split())
             click.echo(f"Error: {message}", err=True)
