@@ -24,25 +24,32 @@ _atol = click.option("--atol", type=float, help="Absolute tolerance in 1/sr [def
 @click.argument("file")
 @_json
 def info(file: str, as_json: bool) -> None:
-    """Say what a table holds: grid, channels, convention, what made it, error, run time."""
+    """Say what a table holds: grid, channels, convention, what made it, error, run time; or what was measured."""
     from brdftab.io import read
+    from brdftab.table import Table
 
-    facts = _facts(file, read(file))
+    found = read(file)
+    if not isinstance(found, Table):
+        from brdftab.cli.measured import show
+
+        show(file, found, as_json)
+        return
+    facts = _facts(file, found)
     if as_json:
         click.echo(json.dumps(facts, indent=2, allow_nan=False))
         return
     for key in ("file", "bytes", "version", "model", "shape", "dtype", "cell"):
-        click.echo(f"{key:<11} {_line(facts[key])}")
+        click.echo(f"{key:<11} {line(facts[key])}")
     for name, axis in facts["axes"].items():
         click.echo(
             f"{name:<11} {axis['count']} positions from {axis['first_degrees']:g} to {axis['last_degrees']:g} deg"
         )
     for key in ("channels", "components", "values"):
-        click.echo(f"{key:<11} {_line(facts[key]) or '-'}")
+        click.echo(f"{key:<11} {line(facts[key]) or '-'}")
     for key in ("convention", "provenance"):
         click.echo(key)
         for name, value in facts[key].items():
-            click.echo(f"  {_clean(str(name))}: {_line(value)}")
+            click.echo(f"  {clean(str(name))}: {line(value)}")
 
 
 @click.command(epilog="\b\nExample:\n  brdftab compare old.exr new.npz --rtol 1e-4 --figure difference.png")
@@ -69,9 +76,8 @@ def compare(
     Numbers x and y differ where |x - y| > atol + rtol max(|x|, |y|), and where either is NaN.
     """
     from brdftab.comparison import compare as compare_tables
-    from brdftab.io import read
 
-    one, two = read(a), read(b)
+    one, two = _read_table(a), _read_table(b)
     result = compare_tables(one, two, rtol=rtol, atol=atol)
     if figure is not None:
         from brdftab.figures import difference
@@ -119,12 +125,11 @@ def _verify(file: str, rtol: float | None, atol: float | None, threads: int | No
     from brdftab._version import __version__
     from brdftab.comparison import compare as compare_tables
     from brdftab.errors import BrdftabError
-    from brdftab.io import read
     from brdftab.tabulation import retabulate
 
     result: dict[str, Any] = {"file": file, "installed": __version__}
     try:
-        table = read(file)
+        table = _read_table(file)
         result |= {"version": table.version}
         outcome = compare_tables(table, retabulate(table, threads=threads), rtol=rtol, atol=atol)
     except BrdftabError as error:
@@ -134,15 +139,15 @@ def _verify(file: str, rtol: float | None, atol: float | None, threads: int | No
 
 def _verdict(result: dict[str, Any]) -> str:
     """Put the outcome of one file into one line."""
-    name = _clean(result["file"])
+    name = clean(result["file"])
     if result["status"] == "error":
-        message = _clean(result["message"])
+        message = clean(result["message"])
         return message if message.startswith(f"{name}:") else f"{name}: {message}"
     found = result["comparison"]
     aged = (
         ""
         if result["version"] == result["installed"]
-        else (f"; made by brdftab {_clean(result['version'])}, {result['installed']} is installed")
+        else (f"; made by brdftab {clean(result['version'])}, {result['installed']} is installed")
     )
     if result["status"] == "equal":
         most = _number(found["max_rel"])
@@ -177,6 +182,21 @@ def _report(result: Comparison) -> list[str]:
         lines.append(f"{result.not_finite:,} numbers are NaN or infinite in at least one table")
     lines += [f"component {name}: {count:,} numbers differ" for name, count in result.components.items() if name]
     return lines
+
+
+def _read_table(file: str) -> Table:
+    """Read a file that must hold a table."""
+    from brdftab.errors import BrdftabError
+    from brdftab.io import read
+    from brdftab.table import Table
+
+    found = read(file)
+    if isinstance(found, Table):
+        return found
+    kind = found.provenance["format"]
+    raise BrdftabError(
+        f"{clean(file)}: holds a measurement ({kind}), no table; give a file that brdftab tabulate wrote"
+    )
 
 
 def _facts(file: str, table: Table) -> dict[str, Any]:
@@ -215,15 +235,15 @@ def _facts(file: str, table: Table) -> dict[str, Any]:
     }
 
 
-def _line(value: Any) -> str:
+def line(value: Any) -> str:
     """Put a JSON value on one line."""
     if isinstance(value, str):
-        return _clean(value)
+        return clean(value)
     if isinstance(value, dict):
-        return ", ".join(f"{_clean(str(name))} {_line(item)}" for name, item in value.items())
+        return ", ".join(f"{clean(str(name))} {line(item)}" for name, item in value.items())
     if isinstance(value, list) and not any(isinstance(item, dict | list) for item in value):
-        return " ".join(_line(item) for item in value)
-    return _clean(json.dumps(value))
+        return " ".join(line(item) for item in value)
+    return clean(json.dumps(value))
 
 
 def _number(value: float | str) -> str:
@@ -231,6 +251,6 @@ def _number(value: float | str) -> str:
     return value if isinstance(value, str) else f"{value:.9g}"
 
 
-def _clean(text: str) -> str:
+def clean(text: str) -> str:
     """Return a file's text without what could steer a terminal."""
     return "".join(letter if letter.isprintable() else "?" for letter in text)

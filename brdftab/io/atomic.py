@@ -112,3 +112,9 @@ def _publish(temporary: Path, target: Path, overwrite: bool) -> None:
             if target.exists():
                 raise FileExistsError(str(target)) from None
     os.replace(temporary, target)
+
+
+def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = False) -> None:
+    """Write UTF-8 text whole or not at all; raises as `atomic`."""
+    with atomic(path, overwrite=overwrite) as temporary:
+        temporary.write_text(text, encoding="utf-8")
