@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 import pkgutil
 import sys
 from dataclasses import dataclass, field
@@ -67,6 +68,8 @@ class Model:
         Which formula was chosen and which misprints were mended, and why.
     ndfs : tuple of str
         Normal distributions that the model takes; empty for models without facets.
+    roughness : str
+        Name of the roughness parameter; its anisotropic pair ends in ``_x`` and ``_y``.
     """
 
     name: str
@@ -81,6 +84,11 @@ class Model:
     singular: bool = False
     multibounce: bool = False
     ndfs: tuple[str, ...] = field(default=())
+    roughness: str = "alpha"
+
+    def has(self, name: str) -> bool:
+        """Tell whether the model declares a parameter of that name."""
+        return any(p.name == name for p in self.params)
 
     def param(self, name: str) -> Param:
         """Return the declaration of one parameter, or raise `ParameterError`."""
@@ -128,6 +136,26 @@ def kernel(name: str) -> ModuleType:
 def sampler(name: str) -> ModuleType:
     """Import and return a model's sampling module: ``sample`` and ``pdf``."""
     return _module(name, ".sample")
+
+
+def _has_twin(folder: str) -> bool:
+    """Tell whether a model's folder holds a twin, without importing it."""
+    return any(os.path.isfile(os.path.join(root, folder, "twin.py")) for root in __path__)
+
+
+def twin(name: str) -> ModuleType:
+    """Import and return a model's JAX twin: ``shapes``, ``value`` and ``SHAPE_PARAMS``.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such model, or it has no twin.
+    """
+    folders = _folders()
+    if name in folders and not _has_twin(folders[name]):
+        having = ", ".join(n for n, folder in folders.items() if _has_twin(folder))
+        raise ParameterError(f"model = {name} has no twin in JAX; choose one of {having}")
+    return _module(name, ".twin")
 
 
 class _Registry(ModuleType):

@@ -19,7 +19,9 @@ def _conductor(n, k, c):
     t0 = n * n - k * k - s2
     nk2 = 2.0 * n * k
     t = math.sqrt(t0 * t0 + nk2 * nk2)
-    p2 = 2.0 * c * math.sqrt(max(0.5 * (t + t0), 0.0))
+    # of the root's two parts the smaller follows from their product n k, so that it keeps its digits as k -> 0
+    larger = math.sqrt(0.5 * (t + abs(t0)))
+    p2 = 2.0 * c * (larger if t0 >= 0.0 else n * k / larger)
     u = t + c2
     v = t * c2 + s2 * s2
     w = p2 * s2

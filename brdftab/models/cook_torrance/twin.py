@@ -1,0 +1,13 @@
+"""Cook-Torrance in JAX: the shared single bounce with V-cavity masking."""
+
+from __future__ import annotations
+
+from brdftab.models.microfacet.twin import single
+from brdftab.models.microfacet.twin.single import SHAPE_PARAMS, value
+
+__all__ = ["SHAPE_PARAMS", "shapes", "value"]
+
+
+def shapes(static, p, d):
+    """Return D G/(4 i_z o_z) in 1/sr and i.h, both (N,)."""
+    return single.geometry(static, single.V_CAVITY, p, d)

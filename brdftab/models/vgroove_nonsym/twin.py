@@ -1,0 +1,80 @@
+"""JAX twin of the nonsymmetric groove: first order in closed form, further orders from `twin_bounces`."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+from jax import Array
+
+from brdftab.models.microfacet.twin.frame import Directions, groove_plane, half_vector, lifted
+from brdftab.models.microfacet.twin.fresnel import reflectance
+from brdftab.models.microfacet.twin.ndf import density, shape_at
+from brdftab.models.microfacet.twin.static import Static
+from brdftab.models.vgroove_nonsym.twin_bounces import bounces, rankings
+from brdftab.models.vgroove_nonsym.twin_first import mean_masking
+
+SHAPE_PARAMS = ("alpha_x", "alpha_y")
+# below this sine of theta_h two or more bounces are not evaluated
+MIRROR_SINE = 1e-14
+
+
+def shapes(static: Static, p: dict[str, Array], d: Directions) -> tuple[Array, ...]:
+    """Return what the channels share.
+
+    Parameters
+    ----------
+    static : Static
+        Choices of the setup.
+    p : dict of Array ()
+        alpha_x and, unless isotropic, alpha_y.
+    d : Directions
+        Of arrays (N,).
+
+    Returns
+    -------
+    tuple of Array (N,)
+        First order without reflectance; if there are further orders also shape number and factor of D at the groove's
+        azimuth and four rankings (see `rankings`). A mirror's is the BRDF itself.
+    """
+    above, d = lifted(d)
+    cos_a, sin_a = half_vector(d)[3:]
+    plane = groove_plane(d)
+    sin_h, cos_h, i_h, big_l, st, ct, su, cu = plane
+    shape, amp = shape_at(static.ndf, static.isotropic, p["alpha_x"], p["alpha_y"], cos_a, sin_a)
+    shape, amp = jnp.broadcast_to(shape, sin_h.shape), jnp.broadcast_to(amp, sin_h.shape)
+    ahead = jnp.arctan2(st, ct) >= jnp.arctan2(su, cu)
+    sin_m, cos_m = jnp.where(ahead, st, su), jnp.where(ahead, ct, cu)
+    g = mean_masking(static.ndf, shape, sin_h, i_h / big_l, sin_m, cos_m)
+    first = jnp.where(above, amp * density(static.ndf, shape, cos_h, sin_h) * g / (4.0 * d.ci * d.co), 0.0)
+    if static.max_bounces == 1:
+        return (first,)
+    ranks = rankings(plane)
+    if static.fresnel == 0:
+        return (first + _higher(static, p, (shape, amp, *ranks), above, d),)
+    return (first, shape, amp, *ranks)
+
+
+def value(static: Static, p: dict[str, Array], shapes: tuple[Array, ...], d: Directions) -> Array:
+    """Return the BRDF (1/sr) of one channel or wavelength, (N,).
+
+    p holds the reflectance: a and b, scalars, as its kind needs them. At the mirror direction itself only the first
+    order counts, as in the kernel.
+    """
+    if static.fresnel == 0:
+        return shapes[0]
+    above, d = lifted(d)
+    i_h = half_vector(d)[2]
+    first = shapes[0] * reflectance(static.fresnel, p.get("a"), p.get("b"), i_h)
+    if static.max_bounces == 1:
+        return first
+    return first + _higher(static, p, shapes[1:], above, d)
+
+
+def _higher(static: Static, p: dict[str, Array], shared: tuple[Array, ...], above: Array, d: Directions) -> Array:
+    """Return orders two and above, (N,), 0 below the horizon and at the mirror direction."""
+    shape, amp, *ranks = shared
+    plane = groove_plane(d)
+    sin_h, _, i_h, big_l = plane[:4]
+    live = above & (sin_h >= MIRROR_SINE)
+    total = bounces(static, p.get("a"), p.get("b"), shape, plane, ranks)
+    front = amp * big_l / (4.0 * i_h * d.ci * d.co * jnp.where(live, sin_h, 1.0))
+    return jnp.where(live, front * total, 0.0)
