@@ -14,6 +14,8 @@ from brdftab._version import __version__
 if TYPE_CHECKING:
     from brdftab.comparison import compare
     from brdftab.evaluation import evaluate
+    from brdftab.fitting.result import FitResult
+    from brdftab.fitting.run import fit
     from brdftab.grid import Grid
     from brdftab.integrals import albedo
     from brdftab.io import read, write
@@ -22,11 +24,13 @@ if TYPE_CHECKING:
     from brdftab.tabulation import tabulate
 
 _HOMES = {
+    "FitResult": "brdftab.fitting.result",
     "Grid": "brdftab.grid",
     "Table": "brdftab.table",
     "albedo": "brdftab.integrals",
     "compare": "brdftab.comparison",
     "evaluate": "brdftab.evaluation",
+    "fit": "brdftab.fitting.run",
     "pdf": "brdftab.sampling",
     "read": "brdftab.io",
     "sample": "brdftab.sampling",
@@ -35,12 +39,14 @@ _HOMES = {
 }
 
 __all__ = [
+    "FitResult",
     "Grid",
     "Table",
     "__version__",
     "albedo",
     "compare",
     "evaluate",
+    "fit",
     "models",
     "pdf",
     "read",

@@ -15,6 +15,7 @@ from brdftab.errors import BrdftabError
 _COMMANDS = {
     "compare": "brdftab.cli.files:compare",
     "eval": "brdftab.cli.values:evaluate",
+    "fit": "brdftab.cli.fitting:fit",
     "info": "brdftab.cli.files:info",
     "models": "brdftab.cli.registry:models",
     "tabulate": "brdftab.cli.values:tabulate",

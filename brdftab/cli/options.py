@@ -26,42 +26,47 @@ class Numbers(click.ParamType):
             self.fail(f"{value!r} is not a number or a list as 0.1,0.2,0.3", param, ctx)
 
 
-def declared() -> dict[str, tuple[Param, list[str]]]:
-    """Return every parameter of the registry with the models that take it."""
-    found: dict[str, tuple[Param, list[str]]] = {}
+def declared() -> dict[str, list[tuple[Param, list[str]]]]:
+    """Return every parameter name of the registry with its declarations, each with the models that share it."""
+    found: dict[str, list[tuple[Param, list[str]]]] = {}
     for model in (spec(name) for name in names()):
         for param in model.params:
-            found.setdefault(param.name, (param, []))[1].append(model.name)
+            variants = found.setdefault(param.name, [])
+            same = next((users for other, users in variants if _text(other) == _text(param)), None)
+            if same is None:
+                variants.append((param, [model.name]))
+            else:
+                same.append(model.name)
     return found
 
 
-def _option(param: Param, users: list[str], total: int) -> Callable[[Any], Any]:
-    """Return the click option of one parameter."""
-    kind: Any = {"float": float, "int": int, "channels": Numbers(), "choice": str}[param.kind]
+def _text(param: Param) -> str:
+    """Return what the help says of one declaration: meaning, choices, unit and default."""
     unit = " [degrees]" if param.unit == "rad" else (f" [{param.unit}]" if param.unit else "")
     default = param.default
     if param.unit == "rad" and default is not None:
         default = round(math.degrees(default), 9)
-    shown = (
-        ""
-        if default is None
-        else f" [default: {default:g}]"
-        if isinstance(default, float)
-        else f" [default: {default}]"
-    )
-    only = "" if len(users) > 3 or len(users) == total else f" ({', '.join(users)})"
     words = f": {' | '.join(param.choices)}" if param.choices else ""
-    return click.option(
-        f"--{param.name.replace('_', '-')}", param.name, type=kind, help=f"{param.doc}{words}{unit}{shown}{only}"
-    )
+    shown = f"{default:g}" if isinstance(default, float) else str(default)
+    return f"{param.doc}{words}{unit}" + ("" if default is None else f" [default: {shown}]")
+
+
+def _option(name: str, variants: list[tuple[Param, list[str]]], total: int) -> Callable[[Any], Any]:
+    """Return the click option of one parameter name."""
+    kind: Any = {"float": float, "int": int, "channels": Numbers(), "choice": str}[variants[0][0].kind]
+    parts = []
+    for param, users in variants:
+        plain = len(variants) == 1 and (len(users) > 3 or len(users) == total)
+        parts.append(_text(param) + ("" if plain else f" ({', '.join(users)})"))
+    return click.option(f"--{name.replace('_', '-')}", name, type=kind, help="; ".join(parts))
 
 
 def model_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add ``--model`` and one option for every parameter that any model of the registry declares."""
     everything = declared()
     total = len(names())
-    for param, users in reversed(list(everything.values())):
-        command = _option(param, users, total)(command)
+    for name, variants in reversed(list(everything.items())):
+        command = _option(name, variants, total)(command)
     return click.option("--model", required=True, metavar="NAME", help="Model of the registry; see brdftab models.")(
         command
     )
@@ -70,12 +75,12 @@ def model_options(command: Callable[..., Any]) -> Callable[..., Any]:
 def given_parameters(model: str, options: dict[str, Any]) -> dict[str, Any]:
     """Return the model parameters that the user gave, in API units (radians, one number where one is meant)."""
     everything = declared()
+    units = {p.name: p.unit for p in spec(model).params} if model in names() else {}
     given: dict[str, Any] = {}
     for name, value in options.items():
         if name not in everything or value is None:
             continue
-        param = everything[name][0]
-        if param.unit == "rad":
+        if units.get(name) == "rad":
             value = math.radians(value)
         if isinstance(value, list) and len(value) == 1:
             value = value[0]

@@ -1,0 +1,65 @@
+"""Residuals: how a difference between fit and data is measured, and what outliers and saturated values do to it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+# value (1/sr) added on both sides of each loss: far below what is measured in log, the headline metric's in logeps
+OFFSETS = {"log": 1e-9, "logeps": 1e-3, "cbrt": 1e-9, "cosine": 0.0, "l1p": 1.0}
+LOSSES = tuple(OFFSETS)
+MEANING = {
+    "log": "ln f",
+    "logeps": "ln(f + 0.001/sr)",
+    "cbrt": "cube root of f cos(theta_i)",
+    "cosine": "f cos(theta_i)",
+    "l1p": "ln(1 + f)",
+}
+
+
+def transform(loss: str, f: Any, cosine: Any) -> Any:
+    """Return what the residual compares; `f` (..., N) in 1/sr, `cosine` (N,) of theta_i. NumPy or JAX arrays."""
+    xp = jnp if not isinstance(f, np.ndarray) else np
+    if loss == "cosine":
+        return f * cosine
+    if loss == "cbrt":
+        return xp.cbrt(xp.maximum(f, 0.0) * cosine + OFFSETS["cbrt"])
+    return xp.log(xp.maximum(f, 0.0) + OFFSETS[loss])
+
+
+def usable(loss: str, values: Array) -> NDArray[np.bool_]:
+    """Tell which values a loss can use: a logarithm needs positive ones."""
+    return values > 0.0 if loss == "log" else values > -0.5 * max(OFFSETS[loss], 1e-3)
+
+
+def noise_weight(loss: str, values: Array, cosine: Array, additive: float) -> Array:
+    """Return residual weights (N, C) for a noise of `additive` (1/sr) on top of one that the loss sees as constant."""
+    if additive == 0.0:
+        return np.ones_like(values)
+    f, c = np.maximum(values, 0.0), cosine[:, None]
+    if loss == "cosine":
+        return f * c / np.hypot(f * c, additive)
+    if loss == "cbrt":
+        # d cbrt(f c)/df relative to its value
+        return f / np.hypot(f, additive)
+    whole = f + OFFSETS[loss]
+    return whole / np.hypot(whole, additive)
+
+
+def soft_l1(r: Any, scale: Any) -> Any:
+    """Return the residual whose square is the soft-L1 loss: 2 s^2 (sqrt(1 + (r/s)^2) - 1)."""
+    return r * jnp.sqrt(2.0 / (1.0 + jnp.sqrt(1.0 + (r / scale) ** 2)))
+
+
+def curvature(r: Any, scale: Any) -> Any:
+    """Return half the second derivative of the soft-L1 loss by r, which the covariance needs."""
+    return (1.0 + (r / scale) ** 2) ** -1.5
+
+
+def robust_scale(r: Array) -> float:
+    """Return 1.4826 times the median absolute residual: one standard deviation of normal noise."""
+    return float(1.4826 * np.median(np.abs(r))) if r.size else 1.0
