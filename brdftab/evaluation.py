@@ -43,6 +43,17 @@ def _directions(theta_i: ArrayLike, theta_o: ArrayLike, phi: ArrayLike, phi_i: A
     return list(angles)
 
 
+def singular_setup(setup: Setup) -> Setup | None:
+    """Return the setup whose bounce orders are infinite at the mirror direction, or None where none is.
+
+    It is the given one, unless the model's kernel module has a function of this name to tell another.
+    """
+    if not setup.model.singular or setup.max_bounces == 1:
+        return None
+    other = getattr(models.kernel(setup.model.name), "singular_setup", None)
+    return setup if other is None else other(setup)
+
+
 def singular(setup: Setup, theta_i: Array, theta_o: Array, phi: Array, phi_i: Array) -> NDArray[np.bool_]:
     """Tell where a singular model has no finite point value.
 
@@ -50,7 +61,8 @@ def singular(setup: Setup, theta_i: Array, theta_o: Array, phi: Array, phi_i: Ar
     negligible: 1e-9 rad aside they still exceed 1e-12 of the value.
     """
     found = np.zeros(theta_i.shape, dtype=bool)
-    if not setup.model.singular or setup.max_bounces == 1:
+    bouncing = singular_setup(setup)
+    if bouncing is None:
         return found
     so = np.sin(theta_o)
     half = np.cos(0.5 * phi)
@@ -63,8 +75,8 @@ def singular(setup: Setup, theta_i: Array, theta_o: Array, phi: Array, phi_i: Ar
     if not near.any():
         return found
     t, az = theta_i[near], phi_i[near]
-    aside = models.kernel(setup.model.name).points(
-        setup, t, np.where(t > 0.7, t - 1e-9, t + 1e-9), np.full_like(t, math.pi), az, orders=1, tolerance=1e-9
+    aside = models.kernel(bouncing.model.name).points(
+        bouncing, t, np.where(t > 0.7, t - 1e-9, t + 1e-9), np.full_like(t, math.pi), az, orders=1, tolerance=1e-9
     )
     first, rest = np.abs(aside[:, 0]).max(axis=-1), np.abs(aside[:, 1:]).sum(axis=(1, 2))
     found[near] = rest > 1e-12 * first
@@ -90,7 +102,8 @@ def evaluate_setup(
         raise SingularDirectionError(
             f"theta_i = {math.degrees(flat[0][at]):g}, theta_o = {math.degrees(flat[1][at]):g}, "
             f"phi = {math.degrees(flat[2][at]):g} degrees is the mirror direction, where {setup.model.name} has no "
-            "finite value; ask for a direction aside, a cell average (tabulate) or max_bounces = 1"
+            "finite value; ask for a direction aside, a cell average (tabulate) or "
+            f"{'bounces' if setup.model.has('bounces') else 'max_bounces'} = 1"
         )
     values = models.kernel(setup.model.name).points(setup, *flat, orders=orders, tolerance=tolerance)
     return np.asarray(values).reshape(*shape, *values.shape[1:])

@@ -49,8 +49,10 @@ def _azimuths(setup: Setup, theta_i: float, phi_i: float, nodes: int) -> tuple[A
 def half_vector_nodes(setup: Setup, theta_i: float, phi_i: float, nodes: int) -> tuple[Array, Array, Array]:
     """Return theta_o, phi and weights with sum(f weights) = the albedo: d omega_o = 4 (i.h) d omega_h."""
     azimuth, weight_a = _azimuths(setup, theta_i, phi_i, nodes)
-    alpha = max(setup.alpha_x, setup.alpha_y) if setup.ndf >= 0 else 1.0
-    least = min(setup.alpha_x, setup.alpha_y) if setup.ndf >= 0 else 1.0
+    # without facets, or with flat ones, there is no peak to resolve
+    rough = setup.ndf >= 0 and setup.alpha_x > 0.0
+    alpha = max(setup.alpha_x, setup.alpha_y) if rough else 1.0
+    least = min(setup.alpha_x, setup.alpha_y) if rough else 1.0
     scales = np.arctan(least * 2.0 ** np.arange(-2.0, 2.0 + math.ceil(math.log2(8.0 * max(alpha, 1.0) / least))))
     si, ci = math.sin(theta_i), math.cos(theta_i)
     flat = si * np.cos(azimuth)

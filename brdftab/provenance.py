@@ -11,6 +11,7 @@ import numba
 import numpy as np
 from numpy.typing import DTypeLike
 
+from brdftab import models
 from brdftab.engine import Engine
 from brdftab.estimate import Estimate
 from brdftab.integrals import directional
@@ -78,10 +79,14 @@ def _left_out(setup: Setup, tolerance: float) -> dict[str, Any] | None:
     """Return the albedo that a cap of the bounces leaves out at four angles, a value a channel; None without cap."""
     if setup.max_bounces is None:
         return None
+    angles = np.radians(ALBEDO_ANGLES)
+    own = getattr(models.kernel(setup.model.name), "energy_left_out", None)
+    if own is not None:
+        values = own(setup, angles)
+        return None if values is None else {"theta_i_degrees": list(ALBEDO_ANGLES), "values": values.tolist()}
+    if not setup.model.has("max_bounces"):
+        return None
     free = resolve(setup.model.name, **{n: v for n, v in setup.parameters.items() if n != "max_bounces"})
     engines = [Engine(s, min(tolerance, 1e-4), fast=False) for s in (free, setup)]
-    lost = [
-        (directional(engines[0], math.radians(a))[0] - directional(engines[1], math.radians(a))[0]).tolist()
-        for a in ALBEDO_ANGLES
-    ]
+    lost = [(directional(engines[0], a)[0] - directional(engines[1], a)[0]).tolist() for a in map(float, angles)]
     return {"theta_i_degrees": list(ALBEDO_ANGLES), "values": lost}

@@ -20,7 +20,7 @@ from brdftab.cells import axis_nodes, mirror_average
 from brdftab.engine import Engine, Progress
 from brdftab.errors import GridError, ParameterError, SingularDirectionError
 from brdftab.estimate import Estimate, estimate
-from brdftab.evaluation import ORDERS, check_tolerance, singular
+from brdftab.evaluation import ORDERS, check_tolerance, singular, singular_setup
 from brdftab.grid import Grid
 from brdftab.models.setup import Setup, component_names, resolve
 from brdftab.provenance import machine, physics, verdict
@@ -51,7 +51,7 @@ def thread_count(threads: int | None) -> Iterator[int]:
 def _singular_cells(setup: Setup, grid: Grid) -> NDArray[np.int64]:
     """Return the cells that must hold an average, or refuse point values there."""
     none = np.empty((0, len(grid.shape)), dtype=np.int64)
-    if not setup.model.singular or setup.max_bounces == 1:
+    if singular_setup(setup) is None:
         return none
     cells = np.asarray(grid.mirror_cells()).reshape(-1, len(grid.shape))
     axes = grid.axes

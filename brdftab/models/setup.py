@@ -15,7 +15,7 @@ from brdftab.materials.fresnel import Fresnel
 from brdftab.models import Model, Param, spec
 from brdftab.models.microfacet.params import FRESNEL_PARAMS
 
-NDF_CODES = {"beckmann": 0, "ggx": 1, "phong": 2}
+NDF_CODES = {"beckmann": 0, "ggx": 1, "phong": 2, "gaussian": 3}
 _FRESNEL_NAMES = frozenset(p.name for p in FRESNEL_PARAMS)
 
 
@@ -34,9 +34,9 @@ class Setup:
     fresnel : Fresnel or None
         Reflectance of a facet; None for diffuse models.
     ndf : int
-        0 Beckmann, 1 GGX, 2 Phong, -1 none.
+        0 Beckmann, 1 GGX, 2 Phong, 3 Gaussian in the tilt, -1 none.
     alpha_x, alpha_y : float
-        Roughness along both axes (equal if isotropic).
+        Roughness along both axes (equal if isotropic); sigma_x and sigma_y of models that name it so.
     values : dict
         The remaining parameters, arrays where a channel each.
     max_bounces : int or None
@@ -95,6 +95,9 @@ def _checked(param: Param, value: Any) -> Any:
             choices: tuple[str, ...] = ("mirror", *names())
         else:
             choices = param.choices
+        if isinstance(value, int | float) and str(value) in choices:
+            # bounces = 2 means "2"
+            value = str(value)
         if value not in choices:
             raise ParameterError(f"{param.name} = {value} is not known; choose one of {', '.join(choices)}")
         return value
@@ -140,25 +143,61 @@ def _fresnel(given: Mapping[str, Any], model: Model) -> Fresnel:
 def _roughness(given: dict[str, Any], model: Model) -> tuple[int, float, float]:
     """Return the distribution's code and both roughnesses; fill in the canonical parameters."""
     ndf = given.setdefault("ndf", model.param("ndf").default)
-    ax, ay, alpha, exponent = (given.get(n) for n in ("alpha_x", "alpha_y", "alpha", "exponent"))
+    one = model.roughness
+    ax, ay, alpha, exponent = (given.get(n) for n in (f"{one}_x", f"{one}_y", one, "exponent"))
     if (ax is None) != (ay is None):
-        raise ParameterError("alpha_x and alpha_y go together; give both, or alpha alone")
+        raise ParameterError(f"{one}_x and {one}_y go together; give both, or {one} alone")
     if sum(x is not None for x in (ax, alpha, exponent)) > 1:
-        raise ParameterError("alpha, alpha_x with alpha_y, and exponent exclude each other; give one of them")
+        more = " and exponent" if model.has("exponent") else ""
+        raise ParameterError(f"{one}, {one}_x with {one}_y{more} exclude each other; give one of them")
     if exponent is not None and ndf != "phong":
-        raise ParameterError(f"exponent = {exponent:g} needs ndf = phong, not {ndf}; give alpha")
-    if ax is not None and ndf == "phong" and ax != ay:
-        raise ParameterError(f"alpha_x = {ax:g}, alpha_y = {ay:g}: ndf = phong is isotropic; give alpha")
+        raise ParameterError(f"exponent = {exponent:g} needs ndf = phong, not {ndf}; give {one}")
+    if ax is not None and ndf in ("phong", "gaussian") and ax != ay:
+        raise ParameterError(f"{one}_x = {ax:g}, {one}_y = {ay:g}: ndf = {ndf} is isotropic; give {one}")
     if exponent is not None:
         ax = ay = math.sqrt(2.0 / (exponent + 2.0))
     elif ax is None or ay is None:
-        ax = ay = given.setdefault("alpha", model.param("alpha").default)
+        ax = ay = given.setdefault(one, model.param(one).default)
+    if (ax == 0.0) != (ay == 0.0):
+        raise ParameterError(f"{one}_x = {ax:g}, {one}_y = {ay:g}: only both together may be 0; give {one} = 0")
     if model.name == "vgroove-nonsym" and ndf == "phong" and ax >= math.sqrt(2.0):
         raise ParameterError(
             f"alpha = {ax:g} is outside (0, sqrt 2) for ndf = phong in vgroove-nonsym: the opposite facet's "
             "distribution D sin^2 has no finite integral; use a smaller alpha or vgroove-sym"
         )
     return NDF_CODES[ndf], float(ax), float(ay)
+
+
+def _interface(given: dict[str, Any], model: Model) -> Fresnel:
+    """Build the dielectric of a model with a matte body from ior or f0; one channel or three with kd."""
+    if given.get("ior") is not None and given.get("f0") is not None:
+        raise ParameterError("ior and f0 exclude each other; give one of them")
+    if given.get("f0") is not None:
+        root = np.sqrt(np.array(given["f0"]))
+        fresnel = builders.dielectric((1.0 + root) / (1.0 - root))
+    else:
+        fresnel = builders.dielectric(given.setdefault("ior", _checked(model.param("ior"), model.param("ior").default)))
+    return fresnel
+
+
+def _cap(given: dict[str, Any], values: dict[str, Any]) -> int | None:
+    """Return the cap of the bounce orders."""
+    if given.get("ndf") == "gaussian" and given.get("masking") == "smith":
+        raise ParameterError(
+            "masking = smith is not defined for ndf = gaussian, whose facets near 90 degrees make Lambda infinite; "
+            "use torrance-sparrow"
+        )
+    if values.get("bounces") is None:
+        return values.get("max_bounces")
+    if values["bounces"] != "1" and given.get("masking") == "smith":
+        raise ParameterError(
+            f"bounces = {values['bounces']} follows light in V-cavities and needs masking = torrance-sparrow, not smith"
+        )
+    if values["bounces"] != "1" and given.get("ndf") == "gaussian":
+        raise ParameterError(
+            f"bounces = {values['bounces']} follows light in V-cavities and needs ndf = beckmann or ggx, not gaussian"
+        )
+    return {"1": 1, "2": 2, "inf": None}[values["bounces"]]
 
 
 def resolve(model: str, **given: Any) -> Setup:
@@ -192,22 +231,24 @@ def resolve(model: str, **given: Any) -> Setup:
     ndf, ax, ay = -1, 1.0, 1.0
     if declared.ndfs:
         ndf, ax, ay = _roughness(checked, declared)
-        fresnel = _fresnel(checked, declared)
-        if not any(checked.get(s) is not None for s in ("material", "eta", "ior", "f0")):
+        fresnel = _fresnel(checked, declared) if declared.has("material") else _interface(checked, declared)
+        if declared.has("material") and not any(checked.get(s) is not None for s in ("material", "eta", "ior", "f0")):
             checked["material"] = declared.param("material").default
         channels = fresnel.channels
     for param in declared.params:
-        if param.name in _FRESNEL_NAMES or param.name in {"ndf", "alpha", "alpha_x", "alpha_y", "exponent"}:
+        rough = declared.roughness
+        if declared.ndfs and param.name in {*_FRESNEL_NAMES, "ndf", "exponent", rough, f"{rough}_x", f"{rough}_y"}:
             continue
         if param.default is not None and param.name not in checked:
             checked[param.name] = _checked(param, param.default)
         value = checked.get(param.name)
         values[param.name] = np.array(value) if param.kind == "channels" else value
-    if not declared.ndfs:
+    if declared.has("kd"):
         count = len(checked["kd"])
         if count not in (1, 3):
             raise ParameterError(f"kd has {count} values; give one, or three (R, G, B)")
-        channels = ("Y",) if count == 1 else ("R", "G", "B")
+        if fresnel is None or count == 3:
+            channels = ("Y",) if count == 1 else ("R", "G", "B")
     order = [p.name for p in declared.params]
     parameters = {n: (v[0] if isinstance(v, list) and len(v) == 1 else v) for n, v in checked.items()}
     return Setup(
@@ -219,14 +260,14 @@ def resolve(model: str, **given: Any) -> Setup:
         alpha_x=ax,
         alpha_y=ay,
         values=values,
-        max_bounces=values.get("max_bounces"),
+        max_bounces=_cap(checked, values),
     )
 
 
 def component_names(setup: Setup, orders: int) -> tuple[str, ...]:
     """Return the component names of a setup; bounce models have `orders` of them and one for the rest if uncapped."""
     if setup.model.components != ("order",):
-        return setup.model.components
+        return tuple(c for c in setup.model.components if c != "interreflection" or setup.max_bounces != 1)
     named = tuple(f"order{k}" for k in range(1, orders + 1))
     if setup.max_bounces is not None and setup.max_bounces <= orders:
         return named[: setup.max_bounces]

@@ -1,0 +1,102 @@
+"""Directional albedo of the interreflections, and what a cap of the bounces leaves out of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brdftab import models
+from brdftab.models.ilm.cavity import specular_setup
+from brdftab.models.ilm.cavity_anisotropic import Cavities
+from brdftab.models.ilm.cavity_exchange import unit_rule
+from brdftab.models.ilm.cavity_isotropic import Modes
+from brdftab.models.ilm.cavity_rule import rule
+from brdftab.models.setup import Setup, resolve
+
+Array = NDArray[np.float64]
+# polar angles and azimuths of the integral over views; albedos come out to about 1e-4
+POLAR, AROUND = 24, 24
+COARSE = 1e-2
+
+
+def albedo_of_bodies(setup: Setup, theta: Array, tolerance: float = 1e-3) -> Array:
+    """Return the albedo (T, C) of the paths of two and more hits of which one is a body, for light at azimuth 0.
+
+    Parameters
+    ----------
+    setup : Setup
+        With bounces 2 or inf.
+    theta : ndarray (T,)
+        Polar angles of the light, radians in [0, pi/2).
+    tolerance : float
+        Chooses the resolution of isotropic surfaces.
+    """
+    out = np.zeros((theta.size, len(setup.channels)))
+    if max(setup.alpha_x, setup.alpha_y) == 0.0 or not np.any(setup.values["kd"]):
+        return out
+    x, w = unit_rule(POLAR)
+    # theta_o = pi/2 (1 - x^2) crowds towards the horizon
+    view, weight = 0.5 * math.pi * (1.0 - x * x), math.pi * x * w
+    weight = weight * 2.0 * math.pi * np.cos(view) * np.sin(view)
+    if setup.isotropic:
+        # only the mean over the azimuth counts
+        modes = Modes(setup, replace(rule(tolerance), modes=2)).table(theta, view)
+        out += np.einsum("ioc,o->ic", modes[0], weight)
+        return out
+    around = 2.0 * math.pi * (np.arange(AROUND) + 0.5) / AROUND
+    views = np.stack(np.meshgrid(view, around, indexing="ij"), -1).reshape(-1, 2)
+    lights = np.stack([theta, np.zeros_like(theta)], axis=1)
+    values = Cavities(setup, rule(max(tolerance, COARSE))).table(lights, views)
+    out += np.einsum("ioc,o->ic", values, np.repeat(weight / AROUND, AROUND))
+    return out
+
+
+def _albedo_of_mirrors(setup: Setup, theta: Array) -> Array:
+    """Return the albedo (T, C) of the purely specular paths of two and more bounces, for light at azimuth 0.
+
+    In half vectors, d omega_o = 4 (i.h) d omega_h, where nothing is singular.
+    """
+    out = np.zeros((theta.size, len(setup.channels)))
+    groove = specular_setup(setup)
+    if groove is None:
+        return out
+    t, wt = unit_rule(48)
+    x, wx = unit_rule(20)
+    a, wa = math.pi * np.concatenate([x, 1.0 + x]), math.pi * np.tile(wx, 2)
+    tilt, a = (z.reshape(-1) for z in np.meshgrid(0.5 * math.pi * t * t, a, indexing="ij"))
+    weight = np.outer(math.pi * t * wt, wa).reshape(-1) * np.sin(tilt)
+    hx, hy, hz = np.sin(tilt) * np.cos(a), np.sin(tilt) * np.sin(a), np.cos(tilt)
+    for k, angle in enumerate(theta):
+        si, ci = math.sin(angle), math.cos(angle)
+        i_h = si * hx + ci * hz
+        ox, oy, oz = 2.0 * i_h * hx - si, 2.0 * i_h * hy, 2.0 * i_h * hz - ci
+        keep = (i_h > 0.0) & (oz > 0.0)
+        view, phi = np.arctan2(np.hypot(ox, oy), oz)[keep], np.arctan2(oy, ox)[keep]
+        light = np.full_like(view, angle)
+        values = models.kernel("vgroove-sym").points(
+            groove, light, view, phi, np.zeros_like(light), orders=1, tolerance=1e-3
+        )[:, 1]
+        out[k] += ((4.0 * i_h * oz * weight)[keep, None] * values).sum(axis=0)
+    return out
+
+
+def energy_left_out(setup: Setup, theta: Array) -> Array | None:
+    """Return the albedo (T, C) that a cap of the bounces leaves out, or None where no cavity is followed.
+
+    Parameters
+    ----------
+    setup : Setup
+        Of ilm.
+    theta : ndarray (T,)
+        Polar angles of the light at azimuth 0, radians in [0, pi/2).
+    """
+    if setup.max_bounces is None or setup.values["masking"] == "smith" or setup.ndf == 3:
+        return None
+    free = resolve("ilm", **{**setup.parameters, "bounces": "inf"})
+    lost = albedo_of_bodies(free, theta) + _albedo_of_mirrors(free, theta)
+    if setup.max_bounces == 2:
+        lost -= albedo_of_bodies(setup, theta) + _albedo_of_mirrors(setup, theta)
+    return lost
