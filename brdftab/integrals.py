@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from brdftab import models
 from brdftab.cells import gauss
 from brdftab.engine import Engine
 from brdftab.errors import ParameterError
@@ -75,8 +76,17 @@ def half_vector_nodes(setup: Setup, theta_i: float, phi_i: float, nodes: int) ->
 
 
 def directional(engine: Engine, theta_i: float, phi_i: float = 0.0, nodes: int = NODES) -> Array:
-    """Return the directional albedo (P, C) of an engine's setup at one incoming direction, radians."""
+    """Return the directional albedo (P, C) of an engine's setup at one incoming direction, radians.
+
+    Where a model integrates its smooth part itself, only its highlights are left to half vectors.
+    """
+    module = models.kernel(engine.setup.model.name)
     theta_o, phi, weight = half_vector_nodes(engine.setup, theta_i, phi_i, nodes)
+    if engine.layers == 1 and hasattr(module, "smooth_albedo"):
+        smooth = module.smooth_albedo(engine.setup, theta_i, engine.tolerance)
+        if smooth is not None:
+            pairs = (np.full_like(theta_o, theta_i), theta_o, phi, np.full_like(theta_o, phi_i))
+            return (weight @ module.specular_points(engine.setup, *pairs) + smooth)[None]
     values = engine.points(np.full_like(theta_o, theta_i), theta_o, phi, np.full_like(theta_o, phi_i))
     return np.einsum("n,npc->pc", weight, values)
 

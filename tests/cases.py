@@ -13,7 +13,9 @@ from typing import Any
 
 PI = math.pi
 TAGS = {"closed", "reference", "horizon", "fresnel", "anisotropic", "components", "colour"}
-REFERENCE = json.loads((Path(__file__).parent / "reference" / "vgroove.json").read_text())["points"]
+FOLDER = Path(__file__).parent / "reference"
+REFERENCE = json.loads((FOLDER / "vgroove.json").read_text())["points"]
+INTERFACED = json.loads((FOLDER / "ilm.json").read_text())["points"]
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,41 @@ def _references() -> list[Case]:
             )
         )
     return found
+
+
+def _interfaced() -> list[Case]:
+    """Return the points of reference/ilm.json, verified there by refined quadrature and a midpoint rule."""
+    names = {"ndf", "masking", "sigma", "ior", "kd"}
+    return [
+        Case(
+            name=f"ilm reference {number}",
+            model="ilm",
+            parameters={name: value for name, value in point.items() if name in names},
+            angles=(point["theta_i_deg"], point["theta_o_deg"], point["phi_deg"]),
+            value=(point["specular"] + point["body"],),
+            parts={"specular": (point["specular"],), "body": (point["body"],)},
+            source="reference/ilm.json",
+            rtol=1e-8,
+            tags=frozenset({"reference", "components"}),
+        )
+        for number, point in enumerate(INTERFACED)
+    ]
+
+
+def _flat_interfaced(kd: float, n: float, theta_i: float, theta_o: float) -> float:
+    """Write out Eq. 9 of Meneveaux et al. with Fresnel's amplitudes and Eq. 11; degrees."""
+
+    def transmission(theta: float) -> float:
+        c = math.cos(math.radians(theta))
+        g = math.sqrt(1.0 - (math.sin(math.radians(theta)) / n) ** 2)
+        return 1.0 - 0.5 * (((c - n * g) / (c + n * g)) ** 2 + ((n * c - g) / (n * c + g)) ** 2)
+
+    q, p = n**4 - 1.0, n * n + 1.0
+    r_e = 0.5 - 2.0 * n**3 * (n * n + 2.0 * n - 1.0) / (p * q) + (n - 1.0) * (3.0 * n + 1.0) / (6.0 * (n + 1.0) ** 2)
+    r_e += 8.0 * n**4 * (n**4 + 1.0) / (p * q * q) * math.log(n)
+    r_e += n * n * (n * n - 1.0) ** 2 / p**3 * math.log((n - 1.0) / (n + 1.0))
+    r_i = 1.0 - (1.0 - r_e) / n**2
+    return transmission(theta_i) * transmission(theta_o) * kd / (PI * n * n * (1.0 - kd * r_i))
 
 
 # at normal incidence and view D(0) = 1/(pi alpha^2), G = 1: f = F/(4 pi alpha^2)
@@ -145,5 +182,34 @@ CASES: tuple[Case, ...] = (
     *_facets("smith"),
     *_facets("vgroove-sym", max_bounces=1),
     *_facets("vgroove-nonsym", max_bounces=1),
+    Case(
+        "ilm without roughness", "ilm", {"kd": [0.1, 0.5, 1.0], "ior": 1.5, "sigma": 0.0}, (30.0, 70.0, 180.0),
+        tuple(_flat_interfaced(kd, 1.5, 30.0, 70.0) for kd in (0.1, 0.5, 1.0)), "Eq. 9",
+        tags=frozenset({"closed", "colour"}),
+    ),
+    Case(
+        "ilm without interface or roughness", "ilm", {"kd": 0.4, "ior": 1.0, "sigma": 0.0}, (80.0, 20.0, 10.0),
+        (0.4 / PI,), "kd/pi",
+    ),
+    Case(
+        "ilm with a black body", "ilm", {"kd": 0.0, "ior": 1.5, "ndf": "ggx", "sigma": 0.5}, _NORMAL,
+        (0.04 * _AT_NORMAL,), "D(0) F/4", parts={"specular": (0.04 * _AT_NORMAL,), "body": (0.0,)},
+        tags=frozenset({"closed", "fresnel", "components"}),
+    ),
+    Case(
+        "ilm seen along the surface", "ilm", {"sigma": 0.5}, (30.0, 90.0, 180.0), (0.0,), "horizon",
+        tags=frozenset({"horizon"}),
+    ),
+    Case(
+        "ilm-approx without roughness", "ilm-approx", {"kd": [0.1, 0.5, 1.0], "ior": 1.5, "sigma": 0.0},
+        (30.0, 70.0, 180.0), tuple(_flat_interfaced(kd, 1.5, 30.0, 70.0) for kd in (0.1, 0.5, 1.0)), "Eq. 9",
+        tags=frozenset({"closed", "colour"}),
+    ),
+    Case(
+        "ilm-approx with a black body", "ilm-approx", {"kd": 0.0, "ior": 1.5, "sigma": 0.5}, _NORMAL,
+        (0.04 * _AT_NORMAL,), "D(0) F/4", parts={"specular": (0.04 * _AT_NORMAL,), "body": (0.0,)},
+        tags=frozenset({"closed", "fresnel", "components"}),
+    ),
     *_references(),
+    *_interfaced(),
 )  # fmt: skip

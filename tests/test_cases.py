@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from cases import CASES, REFERENCE, TAGS
+from cases import CASES, INTERFACED, REFERENCE, TAGS
 from click.testing import CliRunner
 
 import brdftab
@@ -33,6 +33,7 @@ def test_every_model_and_tag_has_a_case():
     assert {case.model for case in CASES} >= set(models.names())
     assert set().union(*(case.tags for case in CASES)) == TAGS
     assert len(REFERENCE) == 10
+    assert len(INTERFACED) == 8
     assert any(case.tags >= {"reference", "anisotropic"} and case.phi_i != 0.0 for case in CASES)
 
 

@@ -103,10 +103,11 @@ def settings():
     found = []
     for name in models.names():
         spec = models.spec(name)
-        found.append((name, {}))
         takes = {p.name for p in spec.params}
+        found.append((name, {}))
         if "ggx" in spec.ndfs:
-            found.append((name, {"ndf": "ggx", "alpha_x": 0.3, "alpha_y": 0.6, "eta": 0.4, "k": 2.5}))
+            rough = {f"{spec.roughness}_x": 0.3, f"{spec.roughness}_y": 0.6}
+            found.append((name, {"ndf": "ggx", **rough, **({"eta": 0.4, "k": 2.5} if "eta" in takes else {})}))
         if "phong" in spec.ndfs:
             found.append((name, {"ndf": "phong", "alpha": 0.7, "ior": 1.5}))
         if "max_bounces" in takes:

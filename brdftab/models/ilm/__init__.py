@@ -55,7 +55,7 @@ SPEC = Model(
     ),
     errata=(
         "Eq. 16 calls sigma the standard deviation of slopes; Eq. 20 needs erfc, Eq. 21 cos^2/sigma_x^2 + "
-        "sin^2/sigma_y^2, Eq. 29 atan2, Eq. 31 xi_2; Eq. 26 counts D G twice. Eqs. 8 and 11 are evaluated in forms that "
-        "keep their digits at grazing angles and for n_i near 1."
+        "sin^2/sigma_y^2, Eq. 29 atan2, Eq. 31 xi_2; Eq. 26 counts D G twice. Eqs. 8 and 11 are evaluated in forms "
+        "that keep their digits at grazing angles and for n_i near 1."
     ),
 )

@@ -18,6 +18,7 @@ from brdftab.jit import kernel
 from brdftab.models.ilm.lines import (
     MOST_LINES,
     MOST_RADII,
+    SOFT_TOP,
     axis_lines,
     crossing,
     crossings,
@@ -25,7 +26,7 @@ from brdftab.models.ilm.lines import (
     soft_lines,
     sort,
 )
-from brdftab.models.microfacet.interface import transmission
+from brdftab.models.microfacet.interface import grazing_scale, transmission
 
 PI = math.pi
 # panels whose ends differ by more than RATIO are cut into equal steps of the logarithm
@@ -81,7 +82,7 @@ def ring(r, kx, ky, n, ix, iy, iz, ox, oy, oz, cavity, lines, count, gauss, cuts
         u, v = x * math.cos(middle), y * math.sin(middle)
         if ix * u + iy * v <= -1.0 or ox * u + oy * v <= -1.0:
             continue
-        pieces = int(math.ceil(span / (0.34 * PI)))
+        pieces = math.ceil(span / (0.34 * PI))
         step = span / pieces
         part = 0.0
         for p in range(pieces):
@@ -100,24 +101,36 @@ def _scaled(ndf, r):
 
 
 @kernel
-def _marks(ndf, sx, sy, high, tolerance, z, count):
+def _marks(ndf, sx, sy, n, high, steep, tolerance, z, count):
     """Append the radii at which density and m_z change their scale; returns the new count."""
     wide = max(sx, sy)
-    if ndf == 1:
+    if ndf != 0:
+        # slopes are the tangents of the radial variable
         z[count] = 0.25 * PI
         count += 1
-    else:
+    if ndf == 3:
+        z[count] = math.atan(3.0)
+        count += 1
+    if ndf != 1:
         unit = 1.0 if ndf == 0 else math.sqrt(2.0) * sx
         for k in range(3):
             z[count + k] = unit * (1.3 if k == 0 else (2.6 if k == 1 else 4.2))
         count += 3
     # m_z = (1 + (sigma r)^2)^(-1/2)
-    if ndf != 3 and wide * wide > 0.01 * tolerance:
+    if ndf != 3 and max(wide, steep) ** 2 > 0.01 * tolerance:
         for k in range(4):
             r = 0.4 * 2.5**k / wide
             if ndf == 1 or r < high:
                 z[count] = _scaled(ndf, r)
                 count += 1
+    # facets so steep that they are seen at grazing angles from everywhere
+    level = grazing_scale(n)
+    while level < SOFT_TOP:
+        r = 1.0 / (level * (1.0 if ndf == 3 else wide))
+        if ndf != 0 or r < high:
+            z[count] = _scaled(ndf, r)
+            count += 1
+        level *= 4.0
     return count
 
 
@@ -194,7 +207,7 @@ def split_integral(ndf, cavity, sx, sy, norm, n, ix, iy, iz, ox, oy, oz, gauss, 
     hard = hard_lines(kx * ix, ky * iy, kx * ox, ky * oy, cavity, lines)
     count = soft_lines(n, kx * ix, ky * iy, iz, kx * ox, ky * oy, oz, lines, hard)
     if sx != sy:
-        count = axis_lines(sx, sy, lines, count)
+        count = axis_lines(ndf, sx, sy, lines, count)
     found = crossings(lines, hard, z, 0)
     for k in range(count):
         z[found] = lines[k, 1]
@@ -209,7 +222,7 @@ def split_integral(ndf, cavity, sx, sy, norm, n, ix, iy, iz, ox, oy, oz, gauss, 
             kept += 1
     far = math.sqrt(-math.log(min(1e-3 * tolerance, 1e-4)))
     high = far if ndf == 0 else (0.5 * PI if ndf == 1 else min(0.5 * PI, math.sqrt(2.0) * far * sx))
-    found = _marks(ndf, sx, sy, high, tolerance, z, kept)
+    found = _marks(ndf, sx, sy, n, high, steep, tolerance, z, kept)
     z[found], z[found + 1] = 0.0, high
     found += 2
     sort(z, found)

@@ -54,7 +54,7 @@ def albedo_of_bodies(setup: Setup, theta: Array, tolerance: float = 1e-3) -> Arr
     return out
 
 
-def _albedo_of_mirrors(setup: Setup, theta: Array) -> Array:
+def albedo_of_mirrors(setup: Setup, theta: Array) -> Array:
     """Return the albedo (T, C) of the purely specular paths of two and more bounces, for light at azimuth 0.
 
     In half vectors, d omega_o = 4 (i.h) d omega_h, where nothing is singular.
@@ -96,7 +96,7 @@ def energy_left_out(setup: Setup, theta: Array) -> Array | None:
     if setup.max_bounces is None or setup.values["masking"] == "smith" or setup.ndf == 3:
         return None
     free = resolve("ilm", **{**setup.parameters, "bounces": "inf"})
-    lost = albedo_of_bodies(free, theta) + _albedo_of_mirrors(free, theta)
+    lost = albedo_of_bodies(free, theta) + albedo_of_mirrors(free, theta)
     if setup.max_bounces == 2:
-        lost -= albedo_of_bodies(setup, theta) + _albedo_of_mirrors(setup, theta)
+        lost -= albedo_of_bodies(setup, theta) + albedo_of_mirrors(setup, theta)
     return lost

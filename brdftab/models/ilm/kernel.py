@@ -1,42 +1,42 @@
 """Interfaced Lambertian microfacets at listed pairs of directions: closed specular part plus body integral.
 
-The body integral takes the plain rule of body.py at two sizes where the kinks lie beyond all facets that matter, and
-keeps the larger one if both agree; elsewhere the split rule with as many nodes as the tolerance asks for.
+A pair is evaluated with the lower direction first, so that both orders of it give the same number. Which rule serves
+the body integral, and what error it has: choice.py.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numba
 import numpy as np
 
 from brdftab.jit import kernel, parallel_kernel
-from brdftab.models.ilm.body import plain_integral, split_integral
+from brdftab.models.ilm.albedo import smooth_albedo
 from brdftab.models.ilm.cavity import points_interreflection
 from brdftab.models.ilm.cavity import specular_setup as singular_setup
 from brdftab.models.ilm.cavity_energy import energy_left_out
-from brdftab.models.ilm.rules import radial_nodes
+from brdftab.models.ilm.choice import body_integral
 from brdftab.models.ilm.table import prepare
 from brdftab.models.microfacet.frame import pair
 from brdftab.models.microfacet.fresnel import reflectance
 from brdftab.models.microfacet.gaussian import gaussian_density, gaussian_norm
 from brdftab.models.microfacet.interface import body_factor, transmission
 from brdftab.models.microfacet.masking import SEPARABLE, projected_alpha, smith_lambda, v_cavity
-from brdftab.models.microfacet.project import unit_gauss
 from brdftab.models.microfacet.single import HORIZON, V_CAVITY, geometry
 from brdftab.models.setup import Setup
 
-__all__ = ["energy_left_out", "points", "prepare", "rule_counts", "singular_setup"]
+__all__ = [
+    "energy_left_out",
+    "errors",
+    "points",
+    "prepare",
+    "singular_setup",
+    "smooth_albedo",
+    "specular_points",
+]
 
 GAUSSIAN = 3
-# nodes along every piece of radius and azimuth, by the least relative error asked
-SPLIT_NODES = ((1e-3, 6), (1e-4, 8), (1e-5, 10), (1e-7, 14), (1e-9, 18), (1e-11, 24), (0.0, 30))
-# the two sizes of the plain rule are those of `rules` at these errors
-PLAIN, CHECK = 1e-4, 1e-3
-# both sizes agree by luck here and there; the smaller one is wrong by far more than the larger
-AGREE = 0.3
 
 
 @kernel
@@ -61,94 +61,85 @@ def front(masking, ndf, ax, ay, norm, theta_i, theta_o, phi, phi_i):
     return d * v_cavity(up / full, ci, co, 0.5 * full) / (4.0 * ci * co), 0.5 * full
 
 
-@kernel
-def body(cavity, ndf, ax, ay, norm, n, slopes, rules):
-    """Return the body integral (1/sr) without Smith's masking, and which rule gave it: 0 flat, 1 plain, 2 split.
-
-    slopes: tangent-plane slopes and cosines of both directions; rules: plain nodes and azimuths, those of the check,
-    split nodes, tolerance.
-    """
-    ix, iy, iz, ox, oy, oz = slopes
-    if ax == 0.0:
-        return transmission(n, iz) * transmission(n, oz) / math.pi, 0
-    large, large_steps, small, small_steps, gauss, tolerance = rules
-    if ndf != 1:
-        kx, ky = (1.0, 1.0) if ndf == 3 else (ax, ay)
-        steep = max(math.hypot(kx * ix, ky * iy), math.hypot(kx * ox, ky * oy))
-        unit = math.sqrt(2.0) * ax if ndf == 3 else 1.0
-        # stretched radius of the nearest kink: exp(-its square) of the facets lie beyond
-        nearest = 1.0 / max(steep, 1e-300)
-        if ndf == 3:
-            nearest = math.atan(nearest) / unit
-        if math.exp(-nearest * nearest) <= 0.03 * tolerance:
-            fine = plain_integral(ndf, cavity, ax, ay, norm, n, ix, iy, iz, ox, oy, oz, large, large_steps)
-            rough = plain_integral(ndf, cavity, ax, ay, norm, n, ix, iy, iz, ox, oy, oz, small, small_steps)
-            if abs(fine - rough) <= 0.3 * tolerance * fine:
-                return fine, 1
-    return split_integral(ndf, cavity, ax, ay, norm, n, ix, iy, iz, ox, oy, oz, gauss, tolerance), 2
-
-
 @parallel_kernel
-def _points(theta_i, theta_o, phi, phi_i, masking, ndf, ax, ay, indices, rules, specular, bodies, used):
-    """Fill specular and bodies (N, K) for K distinct indices of refraction, and used (N,) with the rule taken."""
-    norm = gaussian_norm(ax) if ndf == 3 else 1.0
-    cavity = masking == 10
+def _specular(theta_i, theta_o, phi, phi_i, masking, ndf, ax, ay, indices, out):
+    """Fill out (N, K) with the single-bounce specular part for K distinct indices of refraction."""
+    norm = gaussian_norm(ax) if ndf == 3 and ax > 0.0 else 1.0
     for k in numba.prange(theta_i.size):
-        ci, co = math.cos(theta_i[k]), math.cos(theta_o[k])
-        used[k] = 0
+        value, i_h = 0.0, 1.0
+        if ax > 0.0 and min(math.cos(theta_i[k]), math.cos(theta_o[k])) > HORIZON:
+            value, i_h = front(masking, ndf, ax, ay, norm, theta_i[k], theta_o[k], phi[k], phi_i[k])
         for m in range(indices.size):
-            specular[k, m] = 0.0
-            bodies[k, m] = 0.0
-        if min(ci, co) <= HORIZON:
-            continue
-        si, so = math.sin(theta_i[k]), math.sin(theta_o[k])
-        az = 0.0 if ax == ay else phi_i[k]
-        ti, to = si / ci, so / co
-        far = az + phi[k]
-        slopes = (ti * math.cos(az), ti * math.sin(az), ci, to * math.cos(far), to * math.sin(far), co)
-        value, i_h, g = 0.0, 1.0, 1.0
-        if ax > 0.0:
-            value, i_h = front(masking, ndf, ax, ay, norm, theta_i[k], theta_o[k], phi[k], az)
-            g = masked(masking, ndf, ax, ay, si, ci, so, co, phi[k], az)
-        for m in range(indices.size):
-            specular[k, m] = value * reflectance(2, indices[m], 0.0, i_h)
-            integral, rule = body(cavity, ndf, ax, ay, norm, indices[m], slopes, rules)
-            bodies[k, m] = g * integral
-            used[k] = max(used[k], rule)
+            out[k, m] = value * reflectance(2, indices[m], 0.0, i_h)
 
 
-def _rules(tolerance: float) -> tuple[Any, ...]:
-    """Return the rules of `body` for a tolerance."""
-    large, large_steps = radial_nodes(0, PLAIN)
-    small, small_steps = radial_nodes(0, CHECK)
-    nodes = next(count for least, count in SPLIT_NODES if tolerance >= 0.999 * least)
-    return large, large_steps, small, small_steps, unit_gauss(nodes), tolerance
-
-
-def _parts(setup: Setup, angles: tuple[np.ndarray, ...], tolerance: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return specular part and body (N, C) of single bounces, and the rule taken (N,)."""
+def specular_points(
+    setup: Setup, theta_i: np.ndarray, theta_o: np.ndarray, phi: np.ndarray, phi_i: np.ndarray
+) -> np.ndarray:
+    """Return the single-bounce specular part alone (N, C) in 1/sr; angles (N,) in radians."""
     assert setup.fresnel is not None
     indices, at = np.unique(setup.fresnel.a, return_inverse=True)
     masking = V_CAVITY if setup.values["masking"] == "torrance-sparrow" else SEPARABLE
-    shape = (angles[0].size, indices.size)
-    specular, bodies, used = np.empty(shape), np.empty(shape), np.empty(shape[0], dtype=np.int64)
+    out = np.empty((theta_i.size, indices.size))
     surface = (masking, setup.ndf, setup.alpha_x, setup.alpha_y, indices)
-    _points(*angles, *surface, _rules(tolerance), specular, bodies, used)
+    _specular(theta_i, theta_o, phi, phi_i, *surface, out)
+    return out[:, np.broadcast_to(at, len(setup.channels))]
+
+
+@parallel_kernel
+def _points(theta_i, theta_o, phi, phi_i, masking, ndf, ax, ay, indices, tolerance, out):
+    """Fill out (3, N, K) for K distinct indices of refraction: specular part, body integral, its relative error."""
+    norm = gaussian_norm(ax) if ndf == 3 and ax > 0.0 else 1.0
+    cavity = masking == 10
+    for k in numba.prange(theta_i.size):
+        ti, to, dp, az = theta_i[k], theta_o[k], phi[k], phi_i[k]
+        if to > ti:
+            ti, to, dp, az = to, ti, -dp, az + dp
+        for m in range(indices.size):
+            for p in range(3):
+                out[p, k, m] = 0.0
+        si, ci, so, co = math.sin(ti), math.cos(ti), math.sin(to), math.cos(to)
+        if min(ci, co) <= HORIZON:
+            continue
+        if ax == 0.0:
+            for m in range(indices.size):
+                out[1, k, m] = transmission(indices[m], ci) * transmission(indices[m], co) / math.pi
+            continue
+        ix, iy, ox, oy = si / ci, 0.0, so / co * math.cos(dp), so / co * abs(math.sin(dp))
+        if ax != ay:
+            ix, iy = si / ci * math.cos(az), si / ci * math.sin(az)
+            ox, oy = so / co * math.cos(az + dp), so / co * math.sin(az + dp)
+        value, i_h = front(masking, ndf, ax, ay, norm, ti, to, dp, az)
+        g = masked(masking, ndf, ax, ay, si, ci, so, co, dp, az)
+        for m in range(indices.size):
+            n = indices[m]
+            out[0, k, m] = value * reflectance(2, n, 0.0, i_h)
+            body, error = body_integral(ndf, cavity, ax, ay, norm, n, ix, iy, ci, ox, oy, co, tolerance)
+            out[1, k, m], out[2, k, m] = g * body, error
+
+
+def _parts(setup: Setup, angles: tuple[np.ndarray, ...], tolerance: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return specular part and body of single bounces, and the body's estimated relative error, (N, C) each."""
+    assert setup.fresnel is not None
+    indices, at = np.unique(setup.fresnel.a, return_inverse=True)
+    masking = V_CAVITY if setup.values["masking"] == "torrance-sparrow" else SEPARABLE
+    out = np.empty((3, angles[0].size, indices.size))
+    _points(*angles, masking, setup.ndf, setup.alpha_x, setup.alpha_y, indices, tolerance, out)
     channels = len(setup.channels)
     column = np.broadcast_to(at, channels)
     kd = np.broadcast_to(setup.values["kd"], channels)
     kappa = np.array([body_factor(k, indices[c]) for k, c in zip(kd, column, strict=True)])
-    return specular[:, column], kappa * bodies[:, column], used
+    return out[0][:, column], kappa * out[1][:, column], out[2][:, column]
 
 
-def rule_counts(
+def errors(
     setup: Setup, theta_i: np.ndarray, theta_o: np.ndarray, phi: np.ndarray, phi_i: np.ndarray, tolerance: float
-) -> dict[str, Any]:
-    """Say which rule serves how many of some directions at a tolerance, with the nodes of the split rule."""
-    used = _parts(setup, (theta_i, theta_o, phi, phi_i), tolerance)[2]
-    nodes = next(count for least, count in SPLIT_NODES if tolerance >= 0.999 * least)
-    names = ("flat", "plain", "split")
-    return {"split_nodes": nodes, **{name: int((used == k).sum()) for k, name in enumerate(names)}}
+) -> np.ndarray:
+    """Return the estimated relative error (N, C) of the body that `points` gives at a tolerance, rounding left out.
+
+    A rule's measured bound, or what two successive levels differ by (choice.py); 0 for flat surfaces.
+    """
+    return _parts(setup, (theta_i, theta_o, phi, phi_i), tolerance)[2]
 
 
 def points(

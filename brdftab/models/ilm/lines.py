@@ -90,10 +90,10 @@ def crossing(line, r, kx, ky, side):
 
 
 @kernel
-def axis_lines(sx, sy, lines, count):
+def axis_lines(ndf, sx, sy, lines, count):
     """Append lines along the axis of the narrow side of anisotropic facets, where m_z turns fast; returns the count."""
     wide, narrow = max(sx, sy), min(sx, sy)
-    if wide < 1.2 * narrow or wide < 0.3:
+    if wide < 1.2 * narrow or (ndf != 1 and wide < 0.1):
         return count
     normal = 0.5 * math.pi if sy > sx else 0.0
     count = _add(lines, count, normal, 0.0, 0.0, 0.0)

@@ -1,7 +1,7 @@
 """Interfaced Lambertian microfacets in JAX: closed specular part, body integral at fixed nodes.
 
-The nodes follow from the tolerance alone (`rules`), so that the sum is smooth in all parameters; the kernel gives the same
-sum where it takes the plain rule. Single bounces between facets only.
+The nodes follow from the tolerance alone (`rules`), so that the sum is smooth in all parameters. Single bounces between
+facets only.
 """
 
 from __future__ import annotations
@@ -11,7 +11,8 @@ import math
 import jax.numpy as jnp
 import numpy as np
 
-from brdftab.models.ilm.rules import radial_nodes
+from brdftab.errors import ParameterError
+from brdftab.models.ilm.rules import MOST_NODES, polar_nodes
 from brdftab.models.ilm.twin_body import integral
 from brdftab.models.microfacet.twin.frame import half_vector, lifted
 from brdftab.models.microfacet.twin.fresnel import reflectance
@@ -25,7 +26,17 @@ GAUSSIAN = 3
 
 
 def shapes(static, p, d):
-    """Return the specular part and the body integral I, both (N,) in 1/sr."""
+    """Return the specular part and the body integral I, both (N,) in 1/sr.
+
+    Raises
+    ------
+    ParameterError
+        If more than single bounces are asked: they have no closed sum to differentiate.
+    """
+    if static.max_bounces != 1:
+        raise ParameterError(
+            f"bounces = {static.option('bounces')} has no twin; fit with bounces = 1 and tabulate the answer with more"
+        )
     above, d = lifted(d)
     sin_h, cos_h, i_h, cos_a, sin_a = half_vector(d)
     rough = p["alpha_x"] > 0.0
@@ -49,7 +60,7 @@ def shapes(static, p, d):
     front = jnp.where(above & rough, facets * masking / (4.0 * d.ci * d.co), 0.0)
     specular = front * reflectance(2, p["a"], None, i_h)
     stretch = (jnp.where(rough, ax, 0.0), jnp.where(rough, ay, 0.0))
-    body = jnp.where(above, both * _body(static, cavity, stretch, p["a"], d), 0.0)
+    body = jnp.where(above, both * _body(static, cavity, stretch, p, d), 0.0)
     return specular, body
 
 
@@ -59,13 +70,24 @@ def value(static, p, shapes, d):
     return specular + body_factor(p["kd"], p["a"]) * body
 
 
-def _slopes(static, stretch):
-    """Return stretched slopes X, Y, their scales and weights of all nodes, (K M,); slopes are scale times stretched."""
-    nodes, steps = radial_nodes(static.ndf, static.tolerance)
-    azimuth = 2.0 * math.pi * (np.arange(steps) + 0.5 * (np.arange(nodes.shape[1]) % 2)[:, None]) / steps
-    radius = np.broadcast_to(np.sqrt(nodes[0])[:, None], azimuth.shape).reshape(-1)
-    weight = jnp.asarray(np.broadcast_to(nodes[1][:, None] / steps, azimuth.shape).reshape(-1))
-    cos, sin = np.cos(azimuth).reshape(-1), np.sin(azimuth).reshape(-1)
+def rule_nodes(static, tolerance):
+    """Return the nodes of a tolerance as numbers to be put among the parameters, padded to one size.
+
+    With them `shapes` compiles once for every rule; without them it takes the nodes of static.tolerance.
+    """
+    nodes = polar_nodes(static.ndf, tolerance)
+    room = MOST_NODES[static.ndf] - nodes[0].size
+    names = ("node_radius", "node_cos", "node_sin", "node_weight")
+    found = {name: np.concatenate([v, np.zeros(room)]) for name, v in zip(names, nodes, strict=True)}
+    return {**found, "node_count": np.array(float(nodes[0].size))}
+
+
+def _slopes(static, stretch, p):
+    """Return slopes X, Y in units of the stretch and weights of all nodes, each (Q,)."""
+    if "node_count" in p:
+        radius, cos, sin, weight = (p[f"node_{name}"] for name in ("radius", "cos", "sin", "weight"))
+    else:
+        radius, cos, sin, weight = (jnp.asarray(v) for v in polar_nodes(static.ndf, static.tolerance))
     if static.ndf != GAUSSIAN:
         return radius * cos, radius * sin, weight
     tilt = math.sqrt(2.0) * stretch[0] * radius
@@ -79,12 +101,13 @@ def _slopes(static, stretch):
     return slope * cos, slope * sin, weight
 
 
-def _body(static, cavity, stretch, n, d):
+def _body(static, cavity, stretch, p, d):
     """Return the body integral I (1/sr), unmasked with Smith, (N,); the loop over nodes runs in static.precision."""
     kind = jnp.float32 if static.precision == "float32" else jnp.float64
     ti, to = d.si / d.ci, d.so / d.co
     slopes = (ti * d.cos_i, ti * d.sin_i, d.ci, to * d.cos_o, to * d.sin_o, d.co)
     geometry = tuple(jnp.asarray(v).astype(kind) for v in slopes)
-    nodes = tuple(jnp.asarray(v).astype(kind) for v in _slopes(static, stretch))
-    scales = (jnp.asarray(v).astype(kind) for v in (*stretch, n))
-    return integral(cavity, static.ndf == GAUSSIAN, *scales, nodes, geometry).astype(jnp.float64)
+    nodes = tuple(jnp.asarray(v).astype(kind) for v in _slopes(static, stretch, p))
+    scales = (jnp.asarray(v).astype(kind) for v in (*stretch, p["a"]))
+    count = p.get("node_count", float(nodes[0].shape[0]))
+    return integral(cavity, static.ndf == GAUSSIAN, *scales, nodes, geometry, count).astype(jnp.float64)

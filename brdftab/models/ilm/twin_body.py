@@ -1,7 +1,7 @@
 """The sum over the nodes of the body integral in JAX, with its derivatives in the same pass.
 
-Forward mode through the loop would carry one copy of every intermediate a parameter. The derivatives of the transmission
-are short once written out, so the loop adds up value and slopes together and hands them to JAX as its rule.
+Forward mode through the loop would carry one copy of every intermediate a parameter. The derivatives of the
+transmission are short once written out, so the loop adds up value and slopes and hands them to JAX as its rule.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ def transmission_slopes(n, q, c):
     return value, q * side + m * q * bend, n * c * ((2.0 * g * g - m) * bend - side)
 
 
-def _sum(cavity, sx, sy, n, nodes, geometry):
+def _sum(cavity, sx, sy, n, nodes, geometry, count):
     """Return I and its derivatives by sx, sy and n, at fixed nodes."""
     ix, iy, iz, ox, oy, oz = geometry
     q = (n - 1.0) * (n + 1.0)
     least = jnp.asarray(1e-15, ix.dtype)
 
-    def step(totals, node):
-        x, y, weight = node
+    def step(k, totals):
+        x, y, weight = (v[k] for v in nodes)
         xi, yi, xo, yo = ix * x, iy * y, ox * x, oy * y
         a, b = 1.0 + (sx * xi + sy * yi), 1.0 + (sx * xo + sy * yo)
         lit = (a > 0.0) & (b > 0.0)
@@ -72,15 +72,15 @@ def _sum(cavity, sx, sy, n, nodes, geometry):
         sum_x = sum_x + (pull_a * xi + pull_b * xo + pull_z * dzx)
         sum_y = sum_y + (pull_a * yi + pull_b * yo + pull_z * dzy)
         sum_n = sum_n + gw * (tin * to + ti * ton)
-        return (value, sum_x, sum_y, sum_n), None
+        return value, sum_x, sum_y, sum_n
 
     zero = jnp.zeros_like(ix)
-    totals, _ = jax.lax.scan(step, (zero, zero, zero, zero), nodes)
+    totals = jax.lax.fori_loop(0, jnp.asarray(count).astype(int), step, (zero, zero, zero, zero))
     return tuple(v / math.pi for v in totals)
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(0, 1))
-def integral(cavity, gaussian, sx, sy, n, nodes, geometry):
+def integral(cavity, gaussian, sx, sy, n, nodes, geometry, count):
     """Return I (1/sr) by fixed nodes, unmasked with Smith.
 
     Parameters
@@ -93,18 +93,20 @@ def integral(cavity, gaussian, sx, sy, n, nodes, geometry):
         Slopes before scaling along both axes, and weights; differentiable for the Gaussian only.
     geometry : tuple of Array (N,)
         Tangent-plane slopes and cosine of light and view; taken as constant.
+    count : float
+        How many of the nodes to sum.
     """
-    return _sum(cavity, sx, sy, n, nodes, geometry)[0]
+    return _sum(cavity, sx, sy, n, nodes, geometry, count)[0]
 
 
 @integral.defjvp
 def _(cavity, gaussian, primals, tangents):
-    sx, sy, n, nodes, geometry = primals
+    sx, sy, n, nodes, geometry, count = primals
     if gaussian:
         # its weights and slopes depend on sigma: plain forward mode, at the cost of a pass a parameter
         def plain(sx, sy, n, nodes):
-            return _sum(cavity, sx, sy, n, nodes, geometry)[0]
+            return _sum(cavity, sx, sy, n, nodes, geometry, count)[0]
 
         return jax.jvp(plain, (sx, sy, n, nodes), tangents[:4])
-    value, by_x, by_y, by_n = _sum(cavity, sx, sy, n, nodes, geometry)
+    value, by_x, by_y, by_n = _sum(cavity, sx, sy, n, nodes, geometry, count)
     return value, by_x * tangents[0] + by_y * tangents[1] + by_n * tangents[2]

@@ -114,7 +114,7 @@ def body_factor(kd, n):
 
 @kernel
 def grazing_scale(n):
-    """Return the cosine of incidence below which T is linear: sqrt(n^2-1) near n = 1 and 1/n for large n; 1 at n = 1."""
+    """Return the cosine of incidence below which T is linear: sqrt(n^2-1) near n = 1, 1/n for large n, 1 at n = 1."""
     q = (n - 1.0) * (n + 1.0)
     if q <= 0.0:
         return 1.0

@@ -1,0 +1,71 @@
+"""Directional albedo of what is smooth: bodies of single bounces on a product rule, and all interreflections.
+
+Quadratures over half vectors, which the glossy part needs, would spend most of their nodes where the body is flat.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brdftab.models.ilm.bulk import Bodies
+from brdftab.models.ilm.cavity_energy import albedo_of_bodies, albedo_of_mirrors
+from brdftab.models.ilm.rings import gauss
+from brdftab.models.ilm.table import CAVITY_LEVELS, SMITH_LEVELS
+from brdftab.models.microfacet.interface import body_factor
+from brdftab.models.microfacet.masking import smith_lambda
+from brdftab.models.setup import Setup
+
+Array = NDArray[np.float64]
+# polar angles and azimuths of the view; albedos come out to about 1e-4
+POLAR, AROUND = 32, 24
+
+
+def smooth_albedo(setup: Setup, theta: float, tolerance: float) -> Array | None:
+    """Return the albedo (C,) of everything but single mirror reflections, or None where only points serve.
+
+    Parameters
+    ----------
+    setup : Setup
+        Of ilm.
+    theta : float
+        Polar angle of the light, radians in [0, pi/2).
+    tolerance : float
+        Relative error asked; the rule itself ends near 1e-4.
+    """
+    if not setup.isotropic or setup.alpha_x == 0.0 or tolerance < 9e-5:
+        return None
+    found = _single(setup, theta, tolerance)
+    if setup.max_bounces != 1:
+        light = np.array([theta])
+        found = found + (albedo_of_bodies(setup, light) + albedo_of_mirrors(setup, light))[0]
+    return found
+
+
+def _single(setup: Setup, theta: float, tolerance: float) -> Array:
+    """Return the albedo (C,) of the bodies of single bounces."""
+    assert setup.fresnel is not None
+    x, w = gauss(POLAR)
+    # crowded towards the horizon
+    view, weight = 0.5 * math.pi * (1.0 - x * x), math.pi * x * w
+    a, wa = gauss(AROUND)
+    weight = weight * np.cos(view) * np.sin(view)
+    cavity = setup.values["masking"] == "torrance-sparrow"
+    levels = CAVITY_LEVELS if cavity else tuple((least, (*fine, 0, 0), rough) for least, fine, rough in SMITH_LEVELS)
+    sizes = next(fine for least, fine, _ in levels if tolerance >= 0.999 * least or least == levels[-1][0])
+    if not cavity:
+        masks = [1.0 / (1.0 + smith_lambda(setup.ndf, setup.alpha_x, math.tan(t), False)) for t in (theta, *view)]
+        weight = weight * masks[0] * np.array(masks[1:])
+    channels = len(setup.channels)
+    indices = np.broadcast_to(setup.fresnel.a, channels)
+    found = np.zeros(channels)
+    surface = (setup.ndf, cavity, setup.alpha_x)
+    for n in np.unique(indices):
+        axes = (np.array([theta]), np.ascontiguousarray(view), np.ascontiguousarray(math.pi * a))
+        bodies = Bodies(*surface, float(n), *axes, sizes, tolerance).block(0, 1, view.size, False)[0]
+        # pi I, twice the half circle
+        found[indices == n] = 2.0 * float(weight @ (bodies @ wa))
+    kd = np.broadcast_to(setup.values["kd"], channels)
+    return found * np.array([body_factor(float(k), float(n)) for k, n in zip(kd, indices, strict=True)])
