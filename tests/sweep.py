@@ -1,5 +1,6 @@
 """A seeded sweep of a model's declared parameters, and derivatives of its kernel by differences: no list of models."""
 
+import importlib
 import itertools
 import math
 import zlib
@@ -92,8 +93,15 @@ def is_special(spec, name):
     return spec.ndfs and name in {*FRESNEL_SOURCES, "exponent", one, f"{one}_x", f"{one}_y"}
 
 
+def has_nodes(model):
+    """Tell whether a model's twin sums fixed nodes that follow from the tolerance."""
+    return hasattr(models.twin(model), "rule_nodes")
+
+
 def accepted(variant):
-    """Tell whether the choices go together."""
+    """Tell whether the choices go together, and have a twin: that of ilm follows single bounces."""
+    if dict(variant.given).get("bounces", "1") != "1":
+        return False
     return attempt(variant, np.random.default_rng(0), {}) is not None
 
 
@@ -191,7 +199,10 @@ def directions(setup, rng, count=COUNT):
 
 
 def kernel_values(setup, angles, tolerance):
-    """Return the compiled kernel's values (N, C)."""
+    """Return the compiled kernel's values (N, C); a model that integrates does so at the twin's nodes."""
+    if has_nodes(setup.model.name):
+        folder = setup.model.name.replace("-", "_")
+        return importlib.import_module(f"brdftab.models.{folder}.fixed").points(setup, *angles, tolerance)
     return models.kernel(setup.model.name).points(setup, *angles, orders=0, tolerance=tolerance)[:, 0]
 
 

@@ -30,6 +30,8 @@ VARIANTS = [pytest.param(v, id=str(v)) for name in TWINNED for v in sweep.varian
 # a derivative takes longest to compile
 FEWER = [pytest.param(v, id=str(v)) for name in TWINNED for v in sweep.variants(name, pairs=False)]
 TOLERANCE = 1e-9
+# of models that sum as many nodes as the tolerance asks for: few nodes are the same sum as many
+NODES_TOLERANCE = 1e-2
 # measured 3.7e-12: Beckmann's exp(-e) with e up to 700 carries e times the rounding of e
 PARITY = 1e-11
 # below this, exp underflows or the sums of wavelengths cancel to it
@@ -49,6 +51,11 @@ def _cheap():
     numba.set_num_threads(threads)
 
 
+def tolerance_of(setup):
+    """Return the tolerance at which a model's twin and kernel are compared."""
+    return NODES_TOLERANCE if sweep.has_nodes(setup.model.name) else TOLERANCE
+
+
 def numbers(setup):
     """Return the names that a twin can be differentiated by and how many entries each has."""
     _, params = twins.split(setup, TOLERANCE)
@@ -59,7 +66,8 @@ def numbers(setup):
 
 
 def test_fitted_models_have_twins():
-    assert {"lambert", "oren-nayar", "cook-torrance", "smith"} <= set(TWINNED)
+    fitted = {"lambert", "oren-nayar", "cook-torrance", "smith", "vgroove-sym", "vgroove-nonsym", "ilm", "ilm-approx"}
+    assert fitted <= set(TWINNED)
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
@@ -68,7 +76,8 @@ def test_values_equal_the_kernels(variant):
     lit = 0
     for setup, _ in sweep.setups(variant):
         angles = sweep.directions(setup, rng)
-        mine, theirs = twins.evaluate(setup, *angles, TOLERANCE), sweep.kernel_values(setup, angles, TOLERANCE)
+        tolerance = tolerance_of(setup)
+        mine, theirs = twins.evaluate(setup, *angles, tolerance), sweep.kernel_values(setup, angles, tolerance)
         assert mine.shape == theirs.shape
         assert np.isfinite(mine).all()
         worst = np.abs(mine - theirs) / (np.abs(theirs) + FLOOR)
@@ -88,18 +97,23 @@ def test_derivatives_equal_differences_of_the_kernels(variant):
     for setup, is_corner in sweep.setups(variant, interior=4):
         angles = sweep.directions(setup, rng)
         below = np.minimum(np.cos(angles[0]), np.cos(angles[1])) < 1e-15
+        tolerance = tolerance_of(setup)
         for name, size in numbers(setup).items():
             channel = int(rng.integers(size))
-            slope = twins.derivative(setup, name, *angles, TOLERANCE, channel=channel)
+            slope = twins.derivative(setup, name, *angles, tolerance, channel=channel)
             assert np.isfinite(slope).all(), (name, setup.parameters)
             assert not slope[below].any()
             if is_corner:
                 continue
-            expected, spread, _ = sweep.differences(setup, name, channel, angles, TOLERANCE)
-            value = np.abs(sweep.kernel_values(setup, angles, TOLERANCE))
+            # nodes that cross a kink with the roughness bend the sum: a short reach meets few of them
+            kinked = sweep.has_nodes(setup.model.name)
+            reach = 1e-3 if kinked else 0.02
+            expected, spread, _ = sweep.differences(setup, name, channel, angles, tolerance, reach)
+            value = np.abs(sweep.kernel_values(setup, angles, tolerance))
             scale = np.abs(expected) + value / abs(sweep.entry(setup, name, channel)) + FLOOR
             wrong = np.abs(slope - expected) / (SPREADS * spread + GRADIENT * scale)
-            assert wrong.max() <= 1.0, (name, channel, setup.parameters, wrong.max())
+            share = (wrong <= 1.0).mean()
+            assert share >= (0.98 if kinked else 1.0), (name, channel, setup.parameters, wrong.max(), share)
             settled.append(np.mean(spread <= 1e-7 * scale))
     # the differences themselves are good, but for kinks, cut-offs and the far flank of narrow highlights
     if settled:
@@ -130,11 +144,11 @@ def test_twin_says_what_its_shapes_depend_on(name):
 def test_full_optimisation_gives_the_same_values(name):
     setup = resolve(name)
     angles = sweep.directions(setup, np.random.default_rng(5))
-    plain = twins.evaluate(setup, *angles, TOLERANCE)
+    plain = twins.evaluate(setup, *angles, tolerance_of(setup))
     jax.config.update("jax_disable_most_optimizations", False)
     try:
         angles = [np.append(a, a[:1]) for a in angles]
-        optimised = twins.evaluate(setup, *angles, TOLERANCE)[:-1]
+        optimised = twins.evaluate(setup, *angles, tolerance_of(setup))[:-1]
     finally:
         jax.config.update("jax_disable_most_optimizations", True)
     # measured 2e-13, from fused exponentials

@@ -13,13 +13,21 @@ import click
 from brdftab.models import Model, Param
 
 
-@click.command(epilog="\b\nExample:\n  brdftab models\n  brdftab models vgroove-nonsym --json")
+@click.command(
+    epilog="\b\nExample:\n  brdftab models\n  brdftab models vgroove-nonsym --json\n  brdftab models ilm-approx --glsl"
+)
 @click.argument("name", required=False)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
-def models(name: str | None, as_json: bool) -> None:
+@click.option("--glsl", is_flag=True, help="Print the model's GLSL function, where it has one (ilm-approx).")
+def models(name: str | None, as_json: bool, glsl: bool) -> None:
     """List the models, or say all about one: parameters, citation, variant and errata."""
-    from brdftab.models import names, spec
+    from brdftab.models import names, shader, spec
 
+    if glsl:
+        if name is None or as_json:
+            raise click.UsageError("--glsl prints the shader of one model: give its NAME, and leave out --json.")
+        click.echo(shader(name), nl=False)
+        return
     found = [spec(n) for n in ([name] if name else names())]
     if as_json:
         facts = [_facts(model) for model in found]

@@ -15,6 +15,8 @@ from brdftab.fitting.source import Source, as_measurement, check_theta_max, desc
 from brdftab.measurement import Array, Cells, Mask, Measurement
 
 SAMPLINGS = ("uniform", "grid")
+# values clipped in float32 may round to just below the clip
+SLACK = 1e-6
 REASONS = ("below horizon", "beyond theta_max", "not finite", "not valid", "negative or zero")
 
 __all__ = ["Dataset", "dataset", "load", "reciprocity_floor", "suspicions"]
@@ -116,7 +118,7 @@ def dataset(
     keep = valid.any(axis=1)
     values, valid = cells.values[keep], valid[keep]
     with np.errstate(invalid="ignore"):
-        saturated = np.zeros_like(valid) if saturation is None else valid & (values >= saturation)
+        saturated = np.zeros_like(valid) if saturation is None else valid & (values >= saturation * (1.0 - SLACK))
     return Dataset(
         cells.theta_i[keep],
         cells.theta_o[keep],

@@ -41,7 +41,7 @@ def doubts(
     outer, spread : ndarray (n,)
         Parameters and their standard errors in API units.
     correlation : ndarray (n, n)
-        Of the entries.
+        Of the entries, from J^T J: noise that channels share correlates estimates that are each well determined.
     at_bound : ndarray (n,) of bool
         Entries on a bound.
     bias : ndarray (n,)

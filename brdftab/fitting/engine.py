@@ -18,6 +18,7 @@ from brdftab.fitting import gram, losses, solver
 from brdftab.fitting.data import Dataset
 from brdftab.fitting.starts import guess_albedo, spread
 from brdftab.fitting.terms import Sum
+from brdftab.models import twin
 from brdftab.models.microfacet.twin.frame import Directions, directions
 
 Array = NDArray[np.float64]
@@ -31,6 +32,8 @@ RULES = (1e-2, 1e-3, 1e-4, 1e-5)
 # a bias by the rule below this many standard errors is let be
 BIAS = 0.2
 CHECKED = 384
+# directions that are predicted at a time
+BLOCK = 1024
 
 
 @dataclass
@@ -186,7 +189,7 @@ class Fitter:
         """Run all stages with one rule."""
         options, clock = self.options, time.perf_counter
         made, fixed = gram.problem(self.total, options.loss, self.robust, rule)
-        self.made, self.fixed = made, gram.channel_fixed(fixed, self.channels)
+        self.made, self.fixed = made, (gram.channel_fixed(fixed, self.channels), gram.rules(made, rule))
         scale = 1e6 if self.robust else 1.0
         chunks = -(-self.few.theta_i.size // gram.CHUNK)
         compiled, began = self.times["compile"], clock()
@@ -241,16 +244,16 @@ class Fitter:
         return max(1.5 * losses.robust_scale(r[few.weight > 0.0]), 1e-12)
 
     def predict(self, x: Array, theta_i: Array, theta_o: Array, phi: Array, rule: float | None = None) -> Array:
-        """Return the fitted sum (N, C) in 1/sr by the twins."""
-        made = self.made
+        """Return the fitted sum (N, C) in 1/sr by the twins; `rule` asks for other nodes than those of the fit."""
+        made, fixed = self.made, self.fixed
         if rule is not None:
-            made = replace(made, statics=tuple(replace(s, tolerance=rule) for s in made.statics))
-        block = 4 * gram.CHUNK if rule is None else CHECKED
+            made = replace(made, statics=tuple(replace(s, tolerance=_traced(s, rule)) for s in made.statics))
+            fixed = (fixed[0], gram.rules(made, rule))
         d = directions(theta_i, theta_o, phi, np.zeros_like(theta_i))
         parts = []
-        for at in range(0, theta_i.size, block):
-            part = [np.resize(a[at : at + block], block) for a in d]
-            parts.append(np.asarray(gram.predict(made, x, self.fixed, Directions(*part))).T)
+        for at in range(0, theta_i.size, BLOCK):
+            part = [np.resize(a[at : at + BLOCK], BLOCK) for a in d]
+            parts.append(np.asarray(gram.predict(made, x, fixed, Directions(*part))).T)
         return np.concatenate(parts)[: theta_i.size]
 
     def _bias(self, outcome: Outcome) -> Array:
@@ -271,6 +274,11 @@ class Fitter:
 
 
 INTEGRATING = frozenset({"ilm", "vgroove-sym", "vgroove-nonsym"})
+
+
+def _traced(static: Any, rule: float) -> float:
+    """Return the tolerance that a term is compiled for: its nodes may be numbers instead."""
+    return static.tolerance if hasattr(twin(static.model), "rule_nodes") else rule
 
 
 def _candidates(costs: Array, ends: Array) -> list[int]:

@@ -18,9 +18,9 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab import models
 from brdftab.fitting.losses import curvature, soft_l1, transform
 from brdftab.fitting.terms import Sum
+from brdftab.models import twin
 from brdftab.models.microfacet.twin.frame import Directions, directions
 from brdftab.models.microfacet.twin.static import Static
 from brdftab.models.twins import split
@@ -86,21 +86,22 @@ class Problem:
         return not any(self._shapes(slot) for slot in self.own)
 
     def _shapes(self, slot: Slot) -> bool:
-        needed = models.twin(self.statics[slot.term].model).SHAPE_PARAMS
+        needed = twin(self.statics[slot.term].model).SHAPE_PARAMS
         return any(name in needed for name in slot.names)
 
 
 def problem(total: Sum, loss: str, robust: bool, tolerance: float) -> tuple[Problem, tuple[dict[str, Array], ...]]:
     """Return what is compiled, and the fixed numbers of each term by canonical name, (1,) or (C,); weights (W, C).
 
-    `tolerance` chooses the nodes of models that integrate.
+    `tolerance` chooses the nodes of models that fix them when they are compiled.
     """
     statics, fixed = [], []
     for at, term in enumerate(total.terms):
         middle = {v.param: max(v.low, min(0.5, v.high)) if not v.log else 0.3 for v in total.variables if v.term == at}
         if "ior" in middle:
             middle["ior"] = 1.5
-        static, params = split(term.setup(middle), tolerance)
+        movable = hasattr(twin(term.model.name), "rule_nodes")
+        static, params = split(term.setup(middle), 1e-2 if movable else tolerance)
         statics.append(static)
         fixed.append(params)
 
@@ -111,6 +112,15 @@ def problem(total: Sum, loss: str, robust: bool, tolerance: float) -> tuple[Prob
 
     made = Problem(tuple(statics), tuple(map(slot, total.shared)), tuple(map(slot, total.own)), loss, robust)
     return made, tuple(fixed)
+
+
+def rules(made: Problem, tolerance: float) -> tuple[dict[str, Array], ...]:
+    """Return the nodes of each term that takes them as numbers: one compiled program serves every tolerance."""
+    modules = (twin(static.model) for static in made.statics)
+    return tuple(
+        m.rule_nodes(static, tolerance) if hasattr(m, "rule_nodes") else {}
+        for m, static in zip(modules, made.statics, strict=True)
+    )
 
 
 def channel_fixed(fixed: Sequence[dict[str, Array]], channels: int) -> tuple[dict[str, Array], ...]:
@@ -151,9 +161,9 @@ def pack(
     return packed
 
 
-def _parameters(made: Problem, shared: Any, own: Any, fixed: Any) -> list[dict[str, Any]]:
+def _parameters(made: Problem, shared: Any, own: Any, fixed: Any, rules: Any) -> list[dict[str, Any]]:
     """Return the twins' parameters of one channel."""
-    found = [dict(term) for term in fixed]
+    found = [{**term, **rule} for term, rule in zip(fixed, rules, strict=True)]
     entries = [(s, shared[n]) for n, s in enumerate(made.shared)] + [(s, own[n]) for n, s in enumerate(made.own)]
     for slot, x in entries:
         value = jnp.exp(x) if slot.log else x
@@ -167,14 +177,14 @@ def _parameters(made: Problem, shared: Any, own: Any, fixed: Any) -> list[dict[s
 
 
 def _shapes(made: Problem, params: Sequence[dict[str, Any]], d: Directions) -> tuple[Any, ...]:
-    return tuple(models.twin(s.model).shapes(s, p, d) for s, p in zip(made.statics, params, strict=True))
+    return tuple(twin(s.model).shapes(s, p, d) for s, p in zip(made.statics, params, strict=True))
 
 
 def _value(made: Problem, params: Sequence[dict[str, Any]], shapes: Any, d: Directions) -> Any:
     """Return the sum of the models in one channel, (N,) in 1/sr."""
     total = 0.0
     for static, p, shape in zip(made.statics, params, shapes, strict=True):
-        value = models.twin(static.model).value
+        value = twin(static.model).value
         if "weights" in p:
             rest = {k: v for k, v in p.items() if k not in ("a", "b", "weights")}
             waves = jax.vmap(lambda a, b, s=static, r=rest, h=shape, v=value: v(s, {**r, "a": a, "b": b}, h, d))
@@ -187,14 +197,17 @@ def _value(made: Problem, params: Sequence[dict[str, Any]], shapes: Any, d: Dire
 def values(made: Problem, x: Any, fixed: Any, d: Directions) -> Any:
     """Return the fitted sum (C, N) in 1/sr at packed directions (N,)."""
     ns = len(made.shared)
-    channels = (x.shape[0] - ns) // max(len(made.own), 1) if made.own else next(iter(fixed[0].values())).shape[0]
-    own = x[ns:].reshape(channels, len(made.own)) if made.own else jnp.zeros((channels, 0))
+    numbers, rules = fixed
+    channels = next(iter(numbers[0].values())).shape[0]
+    own = x[ns:].reshape(channels, len(made.own))
+    first = jax.tree.map(lambda v: v[0], numbers)
+    base = _shapes(made, _parameters(made, x[:ns], own[0], first, rules), d) if made.common else None
 
     def one(mine: Any, kept: Any) -> Any:
-        params = _parameters(made, x[:ns], mine, kept)
-        return _value(made, params, _shapes(made, params, d), d)
+        params = _parameters(made, x[:ns], mine, kept, rules)
+        return _value(made, params, _shapes(made, params, d) if base is None else base, d)
 
-    return jax.vmap(one)(own, fixed)
+    return jax.vmap(one)(own, numbers)
 
 
 def _residual(made: Problem, f: Any, chunk: Any, scale: Any) -> tuple[Any, Any]:
@@ -213,10 +226,11 @@ def _chunk(made: Problem, x: Any, fixed: Any, scale: Any, chunk: Data) -> tuple[
     ns, no = len(made.shared), len(made.own)
     channels = chunk.target.shape[0]
     shared, own = x[:ns], x[ns:].reshape(channels, no)
-    first = jax.tree.map(lambda v: v[0], fixed)
+    numbers, rules = fixed
+    first = jax.tree.map(lambda v: v[0], numbers)
 
     def shape_of(u: Any, mine: Any, kept: Any) -> Any:
-        return _shapes(made, _parameters(made, u, mine, kept), chunk.d)
+        return _shapes(made, _parameters(made, u, mine, kept, rules), chunk.d)
 
     steps = jnp.eye(ns + no)
     if made.common:
@@ -234,7 +248,7 @@ def _chunk(made: Problem, x: Any, fixed: Any, scale: Any, chunk: Data) -> tuple[
 
     def channel(mine: Any, kept: Any, data: Any) -> Any:
         def f(u: Any, v: Any, shapes: Any) -> Any:
-            params = _parameters(made, u, v, kept)
+            params = _parameters(made, u, v, kept, rules)
             found = _value(made, params, shapes if shapes is not None else _shapes(made, params, chunk.d), chunk.d)
             return _residual(made, found, (*data, chunk.d.ci), scale)
 
@@ -250,7 +264,7 @@ def _chunk(made: Problem, x: Any, fixed: Any, scale: Any, chunk: Data) -> tuple[
             (r, plain), (dr, _) = whole(steps)
         return dr, r, plain
 
-    return jax.vmap(channel)(own, fixed, (chunk.target, chunk.weight, chunk.saturated))
+    return jax.vmap(channel)(own, numbers, (chunk.target, chunk.weight, chunk.saturated))
 
 
 class Sums(NamedTuple):
@@ -285,7 +299,7 @@ def sums(made: Problem, x: Any, fixed: Any, scale: Any, data: Any, used: Any) ->
             bread = jnp.einsum("can,cn,cbn->cab", jac, weight, jac)
         # one direction is one cluster: noise that its channels share does not average out
         pull = jac * r[:, None]
-        score = jnp.concatenate([pull[:, :ns].sum(0), pull[:, ns:].reshape(channels * no, -1)], 0)
+        score = jnp.concatenate([pull[:, :ns].sum(0), pull[:, ns:].reshape(channels * no, pull.shape[-1])], 0)
         return kept[0] + blocks, kept[1] + bread, kept[2] + score @ score.T
 
     m = ns + no

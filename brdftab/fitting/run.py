@@ -171,6 +171,10 @@ def fit_points(total: Sum, points: Dataset, options: Options) -> FitResult:
     bias = outcome.bias / np.where(spread > 0.0, spread, np.inf)
     edges = np.linspace(0.0, max(float(points.theta_i.max()), 1e-3) * (1.0 + 1e-12), BINS + 1)
     by_theta = error_by_theta(shown, points.values, points.valid, points.theta_i, edges)
+    slant = np.sqrt(np.diag(classical))
+    # what the data cannot tell apart, whatever their noise: from J^T J alone
+    entangled = classical / np.outer(*2 * [np.where(slant > 0.0, slant, 1.0)])
+    np.fill_diagonal(entangled, 1.0)
     classical_spread = np.where(at_bound, np.nan, np.sqrt(np.diag(classical)) * slope)
     outcome.times["total"] = time.perf_counter() - began
     return FitResult(
@@ -210,7 +214,7 @@ def fit_points(total: Sum, points: Dataset, options: Options) -> FitResult:
             labels,
             outer,
             np.where(at_bound, 0.0, spread * slope),
-            correlation,
+            entangled,
             at_bound,
             bias,
             measures,

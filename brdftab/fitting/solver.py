@@ -74,7 +74,11 @@ class BoxDescent(optx.AbstractDescent):
             free = ~pinned
             right = jnp.where(free, -gradient - hessian @ jnp.where(pinned, moved, 0.0), 0.0)
             left = jnp.where(free[:, None] & free, hessian / root / root[:, None], jnp.eye(y.size))
-            d = jnp.where(free, jnp.linalg.solve(left, right / root) / root, moved)
+            # damped and scaled, the matrix is positive definite
+            lower = jax.lax.linalg.cholesky(left)
+            half = jax.lax.linalg.triangular_solve(lower, (right / root)[:, None], left_side=True, lower=True)
+            whole = jax.lax.linalg.triangular_solve(lower, half, left_side=True, lower=True, transpose_a=True)
+            d = jnp.where(free, whole[:, 0] / root, moved)
             inside = jnp.clip(y + d, self.low, self.high) - y
             crossed = free & (inside != d)
             return pinned | crossed, jnp.where(crossed, inside, moved), d
@@ -105,7 +109,7 @@ class BoxLevenbergMarquardt(optx.AbstractGaussNewton):
         """Take one step and look at what the next one promises."""
         y, state, aux = super().step(fn, y, args, options, state, tags)
         r, d = state.f_info.residual, state.y_eval - y
-        push = state.f_info.jac.as_matrix() @ d
+        push = state.f_info.jac.mv(d)
         decrease = -(r @ push + 0.5 * push @ push)
         done = decrease <= self.promise * 0.5 * (r @ r)
         return y, eqx.tree_at(lambda s: s.terminate, state, state.terminate | done), aux
