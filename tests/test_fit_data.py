@@ -363,3 +363,14 @@ def test_error_by_theta_shows_structure():
     assert found[3]["high"] == 1.0
     with pytest.raises(ParameterError, match="increasing"):
         error_by_theta(fit, data, valid, theta, [0.0, 0.0])
+
+
+def test_views_over_the_solid_angle_have_uniform_cosines():
+    theta_i, theta_o, phi = stratified(math.radians(75.0), 8000, 1, solid_angle=True)
+    even = stratified(math.radians(75.0), 8000, 1)
+    assert np.array_equal(theta_i, even[0])
+    assert np.array_equal(phi, even[2])
+    low = math.cos(math.radians(75.0))
+    share, _ = np.histogram(np.cos(theta_o), bins=10, range=(low, 1.0))
+    # 20 strata of theta_o put exactly two into each bin
+    assert np.all(share == 800)

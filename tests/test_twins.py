@@ -26,14 +26,26 @@ from brdftab.models.setup import resolve
 
 PACKAGE = Path(brdftab.__file__).parent
 TWINNED = [n for n in models.names() if (PACKAGE / "models" / n.replace("-", "_") / "twin.py").is_file()]
-VARIANTS = [pytest.param(v, id=str(v)) for name in TWINNED for v in sweep.variants(name)]
+# sums over bounces take long to compile: few variants here, the rest and all derivatives in test_vgroove_twins.py
+BOUNCING = {name for name in TWINNED if models.spec(name).has("max_bounces")}
+
+
+def chosen(name, pairs):
+    """Return the variants of a model that this module tests."""
+    found = sweep.variants(name, pairs=pairs and name not in BOUNCING)
+    return [v for v in found if name not in BOUNCING or dict(v.given)["max_bounces"] is not None]
+
+
+VARIANTS = [pytest.param(v, id=str(v)) for name in TWINNED for v in chosen(name, True)]
 # a derivative takes longest to compile
-FEWER = [pytest.param(v, id=str(v)) for name in TWINNED for v in sweep.variants(name, pairs=False)]
+FEWER = [pytest.param(v, id=str(v)) for name in TWINNED if name not in BOUNCING for v in chosen(name, False)]
 TOLERANCE = 1e-9
 # of models that sum as many nodes as the tolerance asks for: few nodes are the same sum as many
 NODES_TOLERANCE = 1e-2
 # measured 3.7e-12: Beckmann's exp(-e) with e up to 700 carries e times the rounding of e
 PARITY = 1e-11
+# grazing V-grooves: 1 - share and pi/2 - angle cancel in kernel and twin alike; measured 7e-8, and one value in a hundred
+GRAZING, USUAL = 1e-7, 0.98
 # below this, exp underflows or the sums of wavelengths cancel to it
 FLOOR = 1e-250
 # derivatives: multiples of the differences' own error estimate, and of (|f'| + |f|/x); measured 0.1 of both together
@@ -81,7 +93,9 @@ def test_values_equal_the_kernels(variant):
         assert mine.shape == theirs.shape
         assert np.isfinite(mine).all()
         worst = np.abs(mine - theirs) / (np.abs(theirs) + FLOOR)
-        assert worst.max() <= PARITY, (setup.parameters, worst.max())
+        bouncing = setup.model.name in BOUNCING
+        assert worst.max() <= (GRAZING if bouncing else PARITY), (setup.parameters, worst.max())
+        assert np.mean(worst <= PARITY) >= (USUAL if bouncing else 1.0), setup.parameters
         below = np.minimum(np.cos(angles[0]), np.cos(angles[1])) < 1e-15
         assert below.sum() >= 5
         assert not mine[below].any()

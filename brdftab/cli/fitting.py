@@ -35,9 +35,12 @@ SOLVERS = ("levenberg-marquardt", "dogleg")
 @click.option("--loss", type=click.Choice(LOSSES), default="log", help="What residuals compare [default: log].")
 @click.option("--robust", metavar="SCALE", help="Soft-L1 with this scale of the residual, or auto.")
 @click.option(
-    "--sampling", type=click.Choice(["uniform", "grid"]), default="uniform", help="Directions [default: uniform]."
+    "--sampling",
+    type=click.Choice(["uniform", "solid-angle", "grid"]),
+    default="uniform",
+    help="Directions uniform in the angles, with views uniform over the solid angle, or all cells [default: uniform].",
 )
-@click.option("--samples", type=int, default=20000, help="Directions to draw with uniform sampling [default: 20000].")
+@click.option("--samples", type=int, default=20000, help="Directions to draw [default: 20000].")
 @click.option("--saturation", type=float, help="Value from which on data are clipped [1/sr].")
 @click.option("--noise-floor", type=float, default=0.0, help="Value below which noise is additive [1/sr; default: 0].")
 @click.option("--solver", type=click.Choice(SOLVERS), default=SOLVERS[0], help=f"Solver [default: {SOLVERS[0]}].")

@@ -14,7 +14,7 @@ from brdftab.fitting.checks import reciprocity_floor, suspicions
 from brdftab.fitting.source import Source, as_measurement, check_theta_max, describe, load, stratified
 from brdftab.measurement import Array, Cells, Mask, Measurement
 
-SAMPLINGS = ("uniform", "grid")
+SAMPLINGS = ("uniform", "solid-angle", "grid")
 # values clipped in float32 may round to just below the clip
 SLACK = 1e-6
 REASONS = ("below horizon", "beyond theta_max", "not finite", "not valid", "negative or zero")
@@ -42,7 +42,7 @@ class Dataset:
     saturated : ndarray of bool, shape (N, C)
         Valid values at or above the saturation: the true value is at least this.
     sampling : str
-        "uniform" or "grid".
+        One of `SAMPLINGS`.
     source : str
         What the points come from, for people.
     reciprocity_floor : float or None
@@ -80,11 +80,12 @@ def dataset(
         Isotropic.
     theta_max : float or None
         Largest polar angle of light and view, radians in (0, pi/2].
-    sampling : {"uniform", "grid"}
+    sampling : {"uniform", "solid-angle", "grid"}
         "uniform" draws directions stratified-uniform in theta_i, theta_o and phi. Where the source has a dense grid
         (tables, MERL) each draw takes the cell that holds it, at the cell's own direction and each cell once: nothing
         is interpolated, so noise stays independent, an outlier spoils one point, and clipped values stay clipped. RGL
-        files are evaluated at the draw. "grid" takes every cell of the source.
+        files are evaluated at the draw. "solid-angle" draws the view uniform over the solid angle, as renderers meet
+        it and some other fitters draw it. "grid" takes every cell of the source.
     samples : int
         About how many directions to draw.
     seed : int
@@ -112,7 +113,7 @@ def dataset(
     top = check_theta_max(theta_max)
     found = as_measurement(source)
     name = describe(source, found)
-    cells = found.cells() if sampling == "grid" else _drawn(found, top, samples, seed)
+    cells = found.cells() if sampling == "grid" else _drawn(found, top, samples, seed, sampling)
     valid, left_out = _judge(cells, top, positive)
     _check(valid, found.channels, left_out, name, top)
     keep = valid.any(axis=1)
@@ -134,9 +135,9 @@ def dataset(
     )
 
 
-def _drawn(found: Measurement, top: float, samples: int, seed: int) -> Cells:
+def _drawn(found: Measurement, top: float, samples: int, seed: int, sampling: str) -> Cells:
     """Return the cells that hold uniform draws, or the values at the draws."""
-    drawn = stratified(top, samples, seed)
+    drawn = stratified(top, samples, seed, sampling == "solid-angle")
     cells = found.cells_at(*drawn)
     return Cells(*drawn, *found.at(*drawn)) if cells is None else cells
 

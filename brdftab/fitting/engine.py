@@ -25,8 +25,10 @@ Array = NDArray[np.float64]
 # chunks of the program that serves starts (its first chunk) and the first stage (all of them)
 SMALL = 20
 STARTS = 8
-# costs this close (relative) count as the same minimum
-AGREE = 1e-3
+# share of the cost whose promised decrease ends a start, and how close costs count as the same minimum
+ROUGHLY, AGREE = 1e-4, 2e-3
+# a solve ends when its next step would be shorter than this many standard errors
+NEGLIGIBLE = 0.02
 # rules of models that integrate, coarse to fine
 RULES = (1e-2, 1e-3, 1e-4, 1e-5)
 # a bias by the rule below this many standard errors is let be
@@ -175,7 +177,11 @@ class Fitter:
     def _solve(self, made: gram.Problem, starts: Array, count: int, scale: float, data: Any, used: int) -> Any:
         """Run the compiled solver, whose compilation is timed apart."""
         # many starts only need to tell their minima apart
-        pace = (solver.FAR, 1e-5) if used == 1 and count > 1 else (solver.NEAR, solver.PROMISE)
+        if used == 1 and count > 1:
+            pace = (solver.FAR, ROUGHLY)
+        else:
+            # a step that promises this share of the cost moves the answer by NEGLIGIBLE standard errors
+            pace = (solver.NEAR, NEGLIGIBLE**2 / max(self.residuals, 1))
         args = (starts, count, self.low, self.high, self.fixed, scale, data, used, pace)
         options = self.options
         before = _compiled.cache_info().misses
@@ -286,7 +292,8 @@ def _candidates(costs: Array, ends: Array) -> list[int]:
     order = np.argsort(costs)
     kept = [int(order[0])]
     for n in order[1:]:
-        apart = all(np.abs(ends[n] - ends[k]).max() > 1e-2 for k in kept)
+        # the same cost elsewhere is a valley of one minimum
+        apart = all(np.abs(ends[n] - ends[k]).max() > 1e-2 and costs[n] > (1.0 + AGREE) * costs[k] for k in kept)
         if costs[n] <= 1.3 * costs[order[0]] and apart and len(kept) < 3:
             kept.append(int(n))
     return kept

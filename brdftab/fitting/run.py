@@ -64,10 +64,11 @@ def fit(
         What the residual compares: ln f, ln(f + 0.001), cube root of f cos(theta_i), f cos(theta_i), ln(1 + f).
     robust : float or "auto", optional
         Scale of the soft-L1 loss in units of the residual; "auto" takes 1.5 times the spread of a first fit.
-    sampling : {"uniform", "grid"}, optional
-        Directions stratified-uniform in theta_i, theta_o, phi, or all cells of the data.
+    sampling : {"uniform", "solid-angle", "grid"}, optional
+        Directions stratified-uniform in theta_i, theta_o, phi; with the views uniform over the solid angle; or all
+        cells of the data.
     samples : int, optional
-        How many directions to draw with uniform sampling.
+        How many directions to draw.
     seed : int, optional
         Of directions, subsets and starts.
     saturation : float, optional

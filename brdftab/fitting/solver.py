@@ -22,8 +22,6 @@ SOLVERS = ("levenberg-marquardt", "dogleg")
 MAX_STEPS = 200
 # damping of the first step relative to the diagonal of J^T J: far from and near the answer
 FAR, NEAR = 1.0, 1e-3
-# stop when the model of the cost promises less than this share of it
-PROMISE = 1e-9
 
 
 class _Step(eqx.Module):

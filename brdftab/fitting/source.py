@@ -83,7 +83,7 @@ def check_theta_max(theta_max: float | None) -> float:
     return min(float(theta_max), HALF_PI)
 
 
-def stratified(theta_max: float, samples: int, seed: int) -> tuple[Array, Array, Array]:
+def stratified(theta_max: float, samples: int, seed: int, solid_angle: bool = False) -> tuple[Array, Array, Array]:
     """Draw directions uniform in theta_i, theta_o and phi: one at random in each of equal boxes.
 
     Parameters
@@ -94,6 +94,8 @@ def stratified(theta_max: float, samples: int, seed: int) -> tuple[Array, Array,
         About how many; the number of boxes is the nearest product of three equal or nearly equal counts.
     seed : int
         Not negative; the same seed gives the same directions.
+    solid_angle : bool
+        Draw the view uniform over the solid angle instead, in cos(theta_o) and phi.
 
     Returns
     -------
@@ -117,4 +119,6 @@ def stratified(theta_max: float, samples: int, seed: int) -> tuple[Array, Array,
         top * (box + shift) / count
         for top, box, shift, count in zip((theta_max, theta_max, math.pi), boxes, jitter, counts, strict=True)
     )
+    if solid_angle:
+        theta_o = np.arccos(1.0 - (theta_o / theta_max) * (1.0 - math.cos(theta_max)))
     return theta_i, theta_o, phi

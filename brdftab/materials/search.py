@@ -58,8 +58,7 @@ class Fit:
 
 def best_of(fit: Fit, starts: list[np.ndarray], best: quadrature.Rule | None = None) -> quadrature.Rule | None:
     """Move the wavelengths from every start and return the rule with the smallest measured error, or `best`."""
-    # scipy ships no annotations
-    from scipy.optimize import least_squares  # type: ignore[import-untyped]
+    from scipy.optimize import least_squares
 
     for start in starts:
         found = least_squares(fit.residual, start, bounds=(380.0, 780.0), x_scale=5.0, max_nfev=60)

@@ -138,9 +138,28 @@ def sampler(name: str) -> ModuleType:
     return _module(name, ".sample")
 
 
+def _has(folder: str, module: str) -> bool:
+    """Tell whether a model's folder holds a module, without importing it."""
+    return any(os.path.isfile(os.path.join(root, folder, f"{module}.py")) for root in __path__)
+
+
 def _has_twin(folder: str) -> bool:
-    """Tell whether a model's folder holds a twin, without importing it."""
-    return any(os.path.isfile(os.path.join(root, folder, "twin.py")) for root in __path__)
+    return _has(folder, "twin")
+
+
+def shader(name: str) -> str:
+    """Return the GLSL source of a model.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such model, or it has no shader.
+    """
+    folders = _folders()
+    if name in folders and not _has(folders[name], "glsl"):
+        having = ", ".join(n for n, folder in folders.items() if _has(folder, "glsl"))
+        raise ParameterError(f"model = {name} has no shader in GLSL; choose one of {having}")
+    return str(_module(name, ".glsl").source())
 
 
 def twin(name: str) -> ModuleType:

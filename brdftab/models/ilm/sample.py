@@ -1,7 +1,5 @@
-"""Sampling of interfaced Lambertian facets: the mixture that interfaced surfaces share."""
+"""Sampling of interfaced Lambertian facets: microfacet/interfaced.py, which the approximate model shares."""
 
-from __future__ import annotations
+from brdftab.models.microfacet.interfaced import pdf, sample
 
-from brdftab.models.microfacet.interfaced_sampling import pdf, sample, specular_share
-
-__all__ = ["pdf", "sample", "specular_share"]
+__all__ = ["pdf", "sample"]

@@ -156,7 +156,7 @@ def _order(
     edges, count = panel_edges(t, u, k, odd, ndf, lax.stop_gradient(shape), fine, tile["depth"])
     count = jnp.where(live, count, 0)
     l0, slope = left_tilt(t, u, k, odd)
-    sides = jnp.sin(t), jnp.cos(t), jnp.sin(u), jnp.cos(u)
+    sides: tuple[Array, ...] = (jnp.sin(t), jnp.cos(t), jnp.sin(u), jnp.cos(u))
     if odd:
         swap = u > t
         sides = tuple(jnp.where(swap, x, y) for x, y in zip((*sides[2:], *sides[:2]), sides, strict=True))

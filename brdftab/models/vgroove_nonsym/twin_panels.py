@@ -89,7 +89,7 @@ def _crossings(x0: Array, high: Array, live: Array, l0: Array, slope: Array, big
             done,
         )
 
-    start = (0, ends[:-1], g[:-1], ends[1:], g[1:], ends[:-1], ~found)
+    start: tuple[Array, ...] = (jnp.asarray(0), ends[:-1], g[:-1], ends[1:], g[1:], ends[:-1], ~found)
     x = lax.while_loop(going, improve, start)[-2]
     return list(jnp.where(found, x, jnp.nan))
 
@@ -132,7 +132,8 @@ def _peak(
         near = jnp.abs(new - r) < 1e-3 / jnp.sqrt(h)
         return count + 1, x0, x1, jnp.where(done, r, new), done | near
 
-    start = (0, low, high, jnp.minimum(jnp.maximum(l0 / (1.0 + slope), low), high), ~wanted)
+    middle = jnp.minimum(jnp.maximum(l0 / (1.0 + slope), low), high)
+    start: tuple[Array, ...] = (jnp.asarray(0), low, high, middle, ~wanted)
     r = lax.while_loop(going, improve, start)[3]
     g, h = fall(r)
     g = jnp.abs(g)

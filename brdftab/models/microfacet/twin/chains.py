@@ -100,5 +100,5 @@ def long_chain(kind: int, a: Array, b: Array, big_l: Array, low: Array, high: Ar
     if kind == 0:
         return jnp.ones_like(low)
     step = (high - low) / CHAIN_SAMPLES
-    product = multiply_chain(kind, a, b, big_l, low + 0.5 * step, step, CHAIN_SAMPLES)
+    product = multiply_chain(kind, a, b, big_l, low + 0.5 * step, step, jnp.asarray(CHAIN_SAMPLES))
     return product ** (count / CHAIN_SAMPLES)
