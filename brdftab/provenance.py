@@ -18,6 +18,7 @@ from brdftab.integrals import directional
 from brdftab.models.setup import Setup, resolve
 
 ALBEDO_ANGLES = (0.0, 30.0, 60.0, 80.0)
+ALBEDO_TOLERANCE = 1e-4
 
 
 def machine() -> dict[str, Any]:
@@ -70,7 +71,9 @@ def _spectral(setup: Setup) -> dict[str, Any] | None:
 
 
 def _albedo(engine: Engine) -> dict[str, Any]:
-    """Return the directional albedo at four angles, a value a channel."""
+    """Return the directional albedo at four angles, a value a channel; five digits do."""
+    if engine.tolerance < ALBEDO_TOLERANCE and hasattr(models.kernel(engine.setup.model.name), "smooth_albedo"):
+        engine = Engine(engine.setup, ALBEDO_TOLERANCE)
     values = [directional(engine, math.radians(a)).sum(axis=0).tolist() for a in ALBEDO_ANGLES]
     return {"theta_i_degrees": list(ALBEDO_ANGLES), "values": values}
 

@@ -391,6 +391,7 @@ def test_first_run_says_that_it_compiles(tmp_path):
     assert second.stderr == ""
 
 
+@pytest.mark.skipif("PYTEST_XDIST_WORKER" in os.environ, reason="times a command: run it alone, as .ci/run does")
 def test_second_smith_table_takes_at_most_a_second_and_a_half(tmp_path):
     """From shell to file, 90x90x180; the CPU time of all threads stands for the wall time of a machine left alone."""
     words = ("tabulate", "--model", "smith", "--overwrite")

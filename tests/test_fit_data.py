@@ -89,7 +89,7 @@ def test_draws_are_stratified_and_seeded():
         ({"theta_max": 75.0}, "theta_max = 4297.18 degrees"),
         ({"theta_max": math.nan}, "theta_max"),
         ({"theta_max": "75"}, "theta_max"),
-        ({"sampling": "random"}, "uniform, grid"),
+        ({"sampling": "random"}, "uniform, solid-angle, grid"),
         ({"saturation": 0.0}, "saturation"),
     ],
 )

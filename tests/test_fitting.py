@@ -138,7 +138,8 @@ def small_problem(model="smith+oren-nayar", loss="log", robust=False, seed=3, **
     saturated = rng.random((700, 2)) < 0.1
     target = losses.transform(loss, values, np.cos(angles[0])[:, None])
     packed = gram.pack(*angles, target, weight, saturated, 2)
-    return total, made, gram.channel_fixed(numbers, 2), packed, angles, target, weight, saturated
+    fixed = gram.channel_fixed(numbers, 2), gram.rules(made, 1e-2)
+    return total, made, fixed, packed, angles, target, weight, saturated
 
 
 @pytest.mark.parametrize("model", ["smith+oren-nayar", "ilm"])

@@ -44,7 +44,7 @@ TOLERANCE = 1e-9
 NODES_TOLERANCE = 1e-2
 # measured 3.7e-12: Beckmann's exp(-e) with e up to 700 carries e times the rounding of e
 PARITY = 1e-11
-# grazing V-grooves: 1 - share and pi/2 - angle cancel in kernel and twin alike; measured 7e-8, and one value in a hundred
+# grazing V-grooves: 1 - share and pi/2 - angle cancel in kernel and twin alike; measured 7e-8, at one value in 100
 GRAZING, USUAL = 1e-7, 0.98
 # below this, exp underflows or the sums of wavelengths cancel to it
 FLOOR = 1e-250

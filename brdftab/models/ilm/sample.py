@@ -1,5 +1,7 @@
-"""Sampling of interfaced Lambertian facets: microfacet/interfaced.py, which the approximate model shares."""
+"""Sampling of interfaced Lambertian facets: the mixture that interfaced surfaces share."""
 
-from brdftab.models.microfacet.interfaced import pdf, sample
+from __future__ import annotations
 
-__all__ = ["pdf", "sample"]
+from brdftab.models.microfacet.interfaced_sampling import pdf, sample, specular_share
+
+__all__ = ["pdf", "sample", "specular_share"]

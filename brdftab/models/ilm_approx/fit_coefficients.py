@@ -1,178 +1,154 @@
-"""Fit the polynomials of approximation.py to the body integral of ilm, and map what error remains.
+"""Fit the closed form of ilm-approx to the integral of ilm, and write coefficients.py.
 
-python -m brdftab.models.ilm_approx.fit_coefficients          # write coefficients.py
-python -m brdftab.models.ilm_approx.fit_coefficients --map    # print the error map of docs/ilm-approx.md
+    python -m brdftab.models.ilm_approx.fit_coefficients [--map-only]
+
+Needs SciPy and a minute or two. The draws are seeded: a second run writes the same digits but for the last ones. Then
+the error map is printed, from directions that the fit has not seen; with --map-only nothing is fitted or written.
 """
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Any
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from brdftab import models
+from brdftab.jit import parallel_kernel
+from brdftab.models.ilm_approx.approximation import body_with
+from brdftab.models.ilm_approx.coefficients import FACET, LAMBERTIAN
+from brdftab.models.microfacet.interface import body_factor, external_reflectance
 from brdftab.models.setup import resolve
 
 Array = NDArray[np.float64]
-Term = tuple[int, int, int, int]
-SIGMAS = tuple(float(round(s, 4)) for s in np.geomspace(0.02, 2.0, 40))
-INDICES = (1.02, 1.1, 1.25, 1.4, 1.5, 1.7, 2.0, 2.5, 3.0)
-PAIRS = 300
-# directions below STEEP are what the fit is for; the others count less
-STEEP, LESS = np.radians(75.0), 0.3
-LOWEST = np.radians(85.0)
-STEPS = 30
-HEAD = '''"""Terms (p, q, m, k, coefficient) of x_i^p x_o^q cos(phi)^m y^k; written by fit_coefficients.py.
-
-LAMBERT, of ln L, is symmetric: p >= q, and terms with p > q stand for both orders. COSINE is Q of direction i.
-"""
-'''
-
-
-def lambert_terms() -> list[Term]:
-    """Return the powers of ln L: degree 4, the second harmonic of the azimuth, y^2 where the degree is at most 2."""
-    found = []
-    for p in range(5):
-        for q in range(min(p, 4 - p) + 1):
-            for m in range(min(2, q) + 1):
-                for k in range(3 if p + q <= 2 else 2):
-                    if p + k > 0:
-                        found.append((p, q, m, k))
-    return found
+SIGMAS = (0.05, 0.1, 0.2, 0.3, 0.45, 0.65, 0.85, 1.0, 1.25, 1.5)
+INDICES = (1.1, 1.25, 1.5, 1.8, 2.1, 2.5)
+MAP_SIGMAS, MAP_INDICES = (0.05, 0.1, 0.2, 0.3, 0.5, 0.75, 1.0, 1.5), (1.0, 1.2, 1.5, 2.0, 2.5)
+LIMITS = (60, 75, 85)
+# relative error of the integral: small against that of the closed form
+TOLERANCE = 5e-4
+# directions beyond 75 degrees count less
+GRAZING_WEIGHT = 0.35
+# terms of r_e, measured error 2e-8
+POWERS = 9
+# parameters that enter denominators and square roots, by the size of the set
+POSITIVE = {
+    15: np.isin(np.arange(15), (0, 3, 11, 14)),
+    11: np.isin(np.arange(11), (2, 6, 7, 8)),
+}
 
 
-def cosine_terms() -> list[Term]:
-    """Return the powers of Q: degree 2 and the first harmonic."""
-    found = []
-    for p in range(3):
-        for q in range(3 - p):
-            for m in range(min(p, q, 1) + 1):
-                for k in range(2):
-                    if p + q + k > 0:
-                        found.append((p, q, m, k))
-    return found
+def directions(seed: int, count: int, limit: float = 85.0) -> tuple[Array, Array, Array]:
+    """Return theta_i, theta_o up to `limit` degrees and phi up to 180, each (count,) in radians, stratified."""
+    rng = np.random.default_rng(seed)
+    u = np.stack([(rng.permutation(count) + rng.random(count)) / count for _ in range(3)])
+    return np.radians(limit) * u[0], np.radians(limit) * u[1], np.pi * u[2]
 
 
-class Data:
-    """Random pairs of directions with their body integral times pi: sigma, n, angles and value, (N,) each."""
-
-    def __init__(self, indices: tuple[float, ...], seed: int, sigmas: tuple[float, ...] = SIGMAS) -> None:
-        rng = np.random.default_rng(seed)
-        parts = []
-        for sigma in sigmas:
-            for n in indices:
-                below = rng.random((2, PAIRS)) < 0.8
-                theta = np.where(
-                    below, rng.random((2, PAIRS)) * STEEP, STEEP + rng.random((2, PAIRS)) * (LOWEST - STEEP)
-                )
-                phi = np.pi * rng.random(PAIRS)
-                setup = resolve("ilm", sigma=sigma, ior=n, kd=1.0)
-                layers = models.kernel("ilm").points(setup, *theta, phi, 0.0 * phi, orders=1, tolerance=1e-4)
-                # kappa is known, so it is divided out
-                flat = resolve("ilm", sigma=0.0, ior=n, kd=1.0)
-                zero = np.zeros(1)
-                normal = models.kernel("ilm").points(flat, zero, zero, zero, zero, orders=1, tolerance=1e-4)[0, 1, 0]
-                passed = 1.0 - ((n - 1.0) / (n + 1.0)) ** 2
-                value = layers[:, 1, 0] * passed**2 / normal
-                parts.append(np.stack([np.full(PAIRS, sigma), np.full(PAIRS, n), *theta, phi, value]))
-        self.sigma, self.n, self.theta_i, self.theta_o, self.phi, self.value = np.concatenate(parts, axis=1)
-
-    @property
-    def steepest(self) -> Array:
-        """Return the larger polar angle (N,)."""
-        return np.maximum(self.theta_i, self.theta_o)
-
-    def weight(self) -> Array:
-        """Return how much each pair counts (N,)."""
-        return np.where(self.steepest > STEEP, LESS, 1.0)
-
-    def start(self, theta: Array) -> Array:
-        """Return cos theta + sigma sin theta."""
-        return np.cos(theta) + self.sigma * np.sin(theta)
-
-    def terms(self, powers: list[Term], swapped: bool = False) -> Array:
-        """Return the terms (N, K) of a polynomial without their coefficients."""
-        x, z = (self.sigma * np.sin(t) / self.start(t) for t in (self.theta_i, self.theta_o))
-        if swapped:
-            x, z = z, x
-        c, y = np.cos(self.phi), self.sigma**2 / (1.0 + self.sigma**2)
-        return np.stack([x**p * z**q * c**m * y**k for p, q, m, k in powers], axis=1)
+def exact(sigma: float, n: float, angles: tuple[Array, Array, Array]) -> Array:
+    """Return the body integral I (N,), 1/sr, of the model ilm."""
+    setup = resolve("ilm", kd=1.0, ior=n, sigma=sigma)
+    kernel = models.kernel("ilm")
+    values = kernel.points(setup, *angles, np.zeros_like(angles[0]), orders=2, tolerance=TOLERANCE)
+    return np.asarray(values[:, 1, 0] / body_factor(1.0, n))
 
 
-def _transmission(n: Array, c: Array) -> Array:
-    """Return T as `microfacet.interface.transmission` does, for arrays."""
-    g = np.sqrt((n - 1.0) * (n + 1.0) + c * c)
-    return 2.0 * g * c * (1.0 / (g + c) ** 2 + n * n / (n * n * c + g) ** 2)
+@parallel_kernel
+def evaluate(lambert, facet, sigma, n, theta_i, theta_o, phi, out):
+    """Fill out (N,) with I of trial coefficients (arrays)."""
+    for k in numba.prange(out.size):
+        si, ci = np.sin(theta_i[k]), np.cos(theta_i[k])
+        so, co = np.sin(theta_o[k]), np.cos(theta_o[k])
+        out[k] = body_with(lambert, facet, sigma, n, si, ci, so, co, np.cos(phi[k]))
 
 
-def fit_lambert(data: Data) -> Array:
-    """Fit ln L to facets without interface; returns the coefficients of `lambert_terms`."""
-    powers = lambert_terms()
-    both = np.array([1.0 if p == q else 2.0 for p, q, _, _ in powers])
-    terms = 0.5 * both * (data.terms(powers) + data.terms(powers, swapped=True))
-    weight = data.weight()
-    return np.linalg.lstsq(terms * weight[:, None], np.log(data.value) * weight, rcond=None)[0]
+def errors(
+    lambert: Array, facet: Array, sigma: float, n: float, angles: tuple[Array, Array, Array], truth: Array
+) -> Array:
+    """Return the relative errors (N,) of trial coefficients."""
+    out = np.empty(truth.size)
+    evaluate(lambert, facet, sigma, n, *angles, out)
+    return out / truth - 1.0
 
 
-def log_lambert(data: Data, coefficients: Array) -> Array:
-    """Return ln L (N,)."""
-    powers = lambert_terms()
-    both = np.array([1.0 if p == q else 2.0 for p, q, _, _ in powers])
-    return 0.5 * (data.terms(powers) + data.terms(powers, swapped=True)) @ (both * coefficients)
+def fit(count: int = 1500) -> tuple[Array, Array]:
+    """Return LAMBERTIAN and FACET by least squares on relative errors; smooth surfaces count more than rough ones."""
+    from scipy.optimize import least_squares
+
+    angles = directions(1, count)
+    grazing = np.where(np.maximum(angles[0], angles[1]) > np.radians(75.0), GRAZING_WEIGHT, 1.0)
+    weights = [grazing / (0.2 + sigma) for sigma in SIGMAS]
+    facet = np.array(FACET)
+    matte = [exact(sigma, 1.0, angles) for sigma in SIGMAS]
+
+    def first(p: Array) -> Array:
+        rows = zip(SIGMAS, weights, matte, strict=True)
+        return np.concatenate([w * errors(p, facet, s, 1.0, angles, truth) for s, w, truth in rows])
+
+    lambert = np.round(_solved(least_squares, first, np.array(LAMBERTIAN)), 5)
+    cases = [(s, w, n, exact(s, n, angles)) for s, w in zip(SIGMAS, weights, strict=True) for n in INDICES]
+
+    def second(p: Array) -> Array:
+        return np.concatenate([w * errors(lambert, p, s, n, angles, truth) for s, w, n, truth in cases])
+
+    return lambert, np.round(_solved(least_squares, second, facet), 5)
 
 
-def fit_cosine(data: Data, lambert: Array) -> Array:
-    """Fit Q to what remains of the integral once L is divided out, by damped Gauss-Newton steps."""
-    powers = cosine_terms()
-    sides = [(data.terms(powers, k == 1), data.start(t)) for k, t in enumerate((data.theta_i, data.theta_o))]
-    target, weight = np.log(data.value) - log_lambert(data, lambert), data.weight()
-
-    def residual(found: Array) -> tuple[Array, Array]:
-        rest, slope = -target, np.zeros((target.size, len(powers)))
-        for terms, start in sides:
-            c = start * np.exp(terms @ found)
-            inside = np.minimum(c, 1.0)
-            passed, step = _transmission(data.n, inside), 1e-6
-            change = _transmission(data.n, inside * (1 + step)) - _transmission(data.n, inside * (1 - step))
-            rest = rest + np.log(passed)
-            slope += (change / (2.0 * step * passed) * (c < 1.0))[:, None] * terms
-        return rest * weight, slope * weight[:, None]
-
-    found, damping = np.zeros(len(powers)), 1e-6
-    rest, slope = residual(found)
-    for _ in range(STEPS):
-        hessian = slope.T @ slope + 1e-3 * damping * target.size * np.eye(len(powers))
-        trial = found - np.linalg.solve(hessian, slope.T @ rest)
-        new = residual(trial)
-        if new[0] @ new[0] < rest @ rest:
-            found, (rest, slope), damping = trial, new, max(0.3 * damping, 1e-9)
-        else:
-            damping *= 10.0
-    return found
+def _solved(least_squares: Any, residual: Any, start: Array) -> Array:
+    """Return the least-squares parameters; those that enter denominators and square roots stay positive."""
+    positive = POSITIVE[start.size]
+    low = np.where(positive, 0.0, -np.inf)
+    return np.asarray(least_squares(residual, np.maximum(start, low + 1e-6 * positive), bounds=(low, np.inf)).x)
 
 
-def source(lambert: Array, cosine: Array) -> str:
+def reflectance_powers() -> Array:
+    """Return c (9,) with r_e = sum c_k y^(k+1) + n^2 (n^2 - 1)^2/(n^2 + 1)^3 ln y, y = (n - 1)/(n + 1), n <= 2.5."""
+    y = 0.5 * (3.0 / 7.0) * (1.0 - np.cos(np.pi * (np.arange(80) + 0.5) / 80))
+    n = (1.0 + y) / (1.0 - y)
+    n2 = n * n
+    rest = n2 * (n2 - 1.0) ** 2 / (n2 + 1.0) ** 3 * np.log(y)
+    smooth = np.array([external_reflectance(float(x)) for x in n]) - rest
+    return np.round(np.linalg.lstsq(y[:, None] ** np.arange(1, POWERS + 1), smooth, rcond=None)[0], 8)
+
+
+def error_map(count: int = 1500) -> list[tuple[float, float, list[tuple[float, float]]]]:
+    """Return rows sigma, n and (RMS, largest) relative error up to each of `LIMITS`, at `count` directions each."""
+    rows = []
+    sets = [(limit, directions(limit, count, float(limit))) for limit in LIMITS]
+    for sigma in MAP_SIGMAS:
+        for n in MAP_INDICES:
+            pairs = []
+            for _, angles in sets:
+                e = errors(np.array(LAMBERTIAN), np.array(FACET), sigma, n, angles, exact(sigma, n, angles))
+                pairs.append((float(np.sqrt(np.mean(e * e))), float(np.abs(e).max())))
+            rows.append((sigma, n, pairs))
+    return rows
+
+
+def source(lambert: Array, facet: Array, powers: Array) -> str:
     """Return the text of coefficients.py."""
-    text = HEAD
-    for name, powers, values in (("LAMBERT", lambert_terms(), lambert), ("COSINE", cosine_terms(), cosine)):
-        rows = "".join(f"    ({p}, {q}, {m}, {k}, {v:.9g}),\n" for (p, q, m, k), v in zip(powers, values, strict=True))
-        text += f"\n{name} = (\n{rows})\n"
-    return text
+    lines = ['"""Coefficients of the closed form, written by fit_coefficients.py; not to be edited by hand."""', ""]
+    for name, values in (("LAMBERTIAN", lambert), ("FACET", facet), ("REFLECTANCE", powers)):
+        lines += [f"{name} = (", *(f"    {float(x)!r}," for x in values), ")"]
+    return "\n".join(lines) + "\n"
 
 
-def write() -> None:
-    """Fit both polynomials and write coefficients.py beside this file."""
-    lambert = fit_lambert(Data((1.0,), 1))
-    cosine = fit_cosine(Data(INDICES, 2), lambert)
-    Path(__file__).with_name("coefficients.py").write_text(source(lambert, cosine))
+def main() -> None:
+    """Fit and write, then print the error map as the table of docs/ilm-approx.md."""
+    if "--map-only" not in sys.argv[1:]:
+        text = source(*fit(), reflectance_powers())
+        Path(__file__).with_name("coefficients.py").write_text(text)
+        print(text)
+        print("Run again with --map-only for the errors of these coefficients.")
+        return
+    print("| sigma | n_i | " + " | ".join(f"<= {limit} deg, RMS | max" for limit in LIMITS) + " |")
+    print("| --- " * (2 + 2 * len(LIMITS)) + "|")
+    for sigma, n, pairs in error_map():
+        print(f"| {sigma:g} | {n:g} | " + " | ".join(f"{100 * r:.2f} % | {100 * m:.1f} %" for r, m in pairs) + " |")
 
 
 if __name__ == "__main__":
-    if sys.argv[1:] == ["--map"]:
-        from brdftab.models.ilm_approx.error_map import page
-
-        print(page(), end="")
-    else:
-        write()
+    main()

@@ -1,126 +1,104 @@
-"""The approximate model as a GLSL function, with the coefficients of the kernel written out."""
+"""The closed form as a GLSL function, with the coefficients of coefficients.py written in."""
 
 from __future__ import annotations
 
-from brdftab.models.ilm_approx.coefficients import COSINE, LAMBERT
-from brdftab.models.microfacet.interface import series
+from brdftab.models.ilm_approx.coefficients import FACET, LAMBERTIAN, REFLECTANCE
 
-Rows = tuple[tuple[int, int, int, int, float], ...]
-# terms of the series of r_e that float32 sees for an index up to 3
-TERMS = 28
-HEAD = """// Interfaced Lambertian microfacets (Beckmann, V-cavities) with an approximate body; written by brdftab.
-// f = specular + body in 1/sr, without cosine. Meneveaux et al. 2018, with fitted polynomials for the body.
-// sigma in (0, 2]: slope scale, sqrt(2) times the standard deviation of the slope; n in [1, 3]: refractive index.
-// Names starting with ilm_ are this file's.
-
-const float ILM_PI = 3.14159265358979;
+HEADER = """\
+// Interfaced Lambertian microfacets (Meneveaux et al. 2018), Beckmann facets in V-cavities, single bounces.
+// Written by "brdftab models ilm-approx --glsl"; the body integral is a fitted closed form of brdftab's own.
+//
+// ilm_approx   body, 1/sr: kd in [0, 1], n in [1, 2.5], sigma in [0, 1.5] (Beckmann's alpha),
+//              cosines of both polar angles in (0, 1], cosine of the azimuth between them (-1: mirror side)
+// ilm_specular the other part, 1/sr, for sigma > 0; a flat surface needs a mirror instead
+// Neither includes the cosine of the rendering equation.
 """
-TRANSMISSION = """
-// 1 - F of an interface at the cosine of incidence c
+
+TEMPLATE = """
+float ilm_root(float h, float square) {
+    float r = sqrt(square + h * h);
+    return h > 0.0 ? r + h : square / (r - h);
+}
+
 float ilm_transmission(float n, float c) {
-    float q = max((n - 1.0) * (n + 1.0), 1.0e-12);
-    float g = sqrt(q + c * c);
+    float q = (n - 1.0) * (n + 1.0);
+    float g = sqrt(max(q + c * c, 1e-12));
     float u = g + c;
     float v = (q + 1.0) * c + g;
     return 2.0 * g * c * (1.0 / (u * u) + (q + 1.0) / (v * v));
 }
-"""
-SPECULAR = """
-// F D G/(4 cos cos) of Beckmann facets in V-cavities
-float ilm_specular(float sigma, float n, float ci, float co, float ch, float ih) {
-    float t = (1.0 - ch * ch) / (ch * ch * sigma * sigma);
-    float d = exp(-t) / (ILM_PI * sigma * sigma * ch * ch * ch * ch);
-    float m = min(1.0, 2.0 * ch * min(ci, co) / ih);
-    return (1.0 - ilm_transmission(n, ih)) * d * m / (4.0 * ci * co);
+
+float ilm_external_reflectance(float n) {
+    float y = (n - 1.0) / (n + 1.0);
+    float q = (n - 1.0) * (n + 1.0);
+    float p = n * n + 1.0;
+    float a = @series@;
+    return y * a + n * n * q * q / (p * p * p) * log(max(y, 1e-6));
+}
+
+float ilm_lambertian(float sigma, float si, float ci, float so, float co, float c) {
+    float s2 = sigma * sigma;
+    float k = sigma * (@L1@ + @L2@ * sigma);
+    float a = si * co;
+    float b = so * ci;
+    float q = si * so / max(sqrt(ci * ci * co * co + k * k * (a * a + b * b)), 1e-12);
+    float x = @L3@ * sigma * q;
+    float t = x / (1.0 + x);
+    float w = c + sigma * (@L4@ + @L5@ * c * c) / (1.0 + sigma) + t * (@L6@ + c * (@L7@ + @L8@ * c));
+    float gain = s2 * (@L9@ + @L10@ * sigma) / (1.0 + @L11@ * sigma);
+    float bend = 1.0 + s2 * si * so * (@L12@ + @L13@ * c) / (1.0 + @L14@ * s2);
+    return ilm_root(gain * q * w, 1.0) * bend / sqrt(1.0 + @L0@ * s2);
+}
+
+float ilm_facet_cosine(float sigma, float n, float si, float ci, float so, float co, float c) {
+    float s2 = sigma * sigma;
+    float k = sigma * (@F3@ + @F4@ * sigma);
+    float a = si * co;
+    float b = so * ci;
+    float over = max(sqrt(ci * ci * co * co + k * k * (a * a + b * b)), 1e-12);
+    float lean = s2 * (@F0@ + @F1@ * sigma) / (1.0 + @F2@ * s2) * (1.0 + @F5@ * (1.0 - 1.0 / (n * n)));
+    float tilt = 1.0 / sqrt(1.0 + @F6@ * s2 / (1.0 + @F7@ * s2));
+    float t = sigma * si * so / over;
+    float lift = sigma * @F8@ * t / (1.0 + t) * (1.0 + @F9@ * c);
+    return min(tilt * ilm_root(lean * si * (a + @F10@ * b * c) / over, ci * ci) + lift * (1.0 - ci), 1.0);
+}
+
+vec3 ilm_approx(vec3 kd, float n, float sigma, float cos_i, float cos_o, float cos_phi) {
+    float si = sqrt(max((1.0 - cos_i) * (1.0 + cos_i), 0.0));
+    float so = sqrt(max((1.0 - cos_o) * (1.0 + cos_o), 0.0));
+    float ti = ilm_transmission(n, ilm_facet_cosine(sigma, n, si, cos_i, so, cos_o, cos_phi));
+    float to = ilm_transmission(n, ilm_facet_cosine(sigma, n, so, cos_o, si, cos_i, cos_phi));
+    float matte = ilm_lambertian(sigma, si, cos_i, so, cos_o, cos_phi) * ti * to / 3.14159265358979;
+    return kd / (n * n * (1.0 - kd) + kd * (1.0 - ilm_external_reflectance(n))) * matte;
+}
+
+float ilm_specular(float n, float sigma, float cos_i, float cos_o, float cos_phi) {
+    float si = sqrt(max((1.0 - cos_i) * (1.0 + cos_i), 0.0));
+    float so = sqrt(max((1.0 - cos_o) * (1.0 + cos_o), 0.0));
+    float up = cos_i + cos_o;
+    float flat2 = max(si * si + so * so + 2.0 * si * so * cos_phi, 0.0);
+    float full = sqrt(flat2 + up * up);
+    float ch = up / full;
+    float d = exp(-flat2 / (up * up * sigma * sigma)) / (3.14159265358979 * sigma * sigma * ch * ch * ch * ch);
+    float g = min(1.0, 4.0 * ch * min(cos_i, cos_o) / full);
+    return d * g * (1.0 - ilm_transmission(n, min(0.5 * full, 1.0))) / (4.0 * cos_i * cos_o);
 }
 """
-WHOLE = """
-// kd: albedo of the body; z: surface normal; i, o: unit vectors towards light and view
-vec3 ilm_approx(vec3 kd, float n, float sigma, vec3 z, vec3 i, vec3 o) {
-    float ci = dot(z, i);
-    float co = dot(z, o);
-    if (min(ci, co) <= 0.0) { return vec3(0.0); }
-    float si = sqrt(max(0.0, 1.0 - ci * ci));
-    float so = sqrt(max(0.0, 1.0 - co * co));
-    float both = max(si * so, 1.0e-12);
-    float c = clamp((dot(i, o) - ci * co) / both, -1.0, 1.0);
-    vec3 h = normalize(i + o);
-    vec3 kappa = kd / (n * n * (1.0 - kd) + kd * (1.0 - ilm_external(n)));
-    return ilm_specular(sigma, n, ci, co, dot(z, h), dot(i, h)) + kappa * ilm_body(sigma, n, si, ci, so, co, c);
-}
-"""
 
 
-def _number(value: float) -> str:
-    """Return a float literal with the digits of float32."""
-    text = f"{value:.9g}"
-    return text if "." in text or "e" in text else f"{text}.0"
-
-
-def _power(name: str, exponent: int) -> list[str]:
-    return [name] * exponent
-
-
-def _term(row: tuple[int, int, int, int, float], one: str, other: str) -> str:
-    """Return one term without its coefficient as a product."""
-    p, q, m, k, _ = row
-    factors = [*_power(one, p), *_power(other, q), *_power("c", m), *_power("y", k)]
-    return " * ".join(factors)
-
-
-def _polynomial(name: str, rows: Rows, one: str, other: str, symmetric: bool) -> list[str]:
-    """Return the statements that add up a polynomial."""
-    lines = [f"    float {name} = 0.0;"]
-    for row in rows:
-        terms = [_term(row, one, other)]
-        if symmetric and row[0] != row[1]:
-            terms.append(_term(row, other, one))
-        lines.append(f"    {name} = {name} + ({_number(row[4])}) * ({' + '.join(terms)});")
-    return lines
-
-
-def _external() -> list[str]:
-    """Return r_e of an interface, by its series for every index that the model takes."""
-    lines = [
-        "",
-        "// share of diffuse light that an interface reflects outside",
-        "float ilm_external(float n) {",
-        "    float q = (n - 1.0) * (n + 1.0);",
-        "    float p = n * n + 1.0;",
-        "    float y = (n - 1.0) / (n + 1.0);",
-        "    float a = 0.0;",
-    ]
-    lines += [f"    a = a * y + ({_number(float(v))});" for v in series(TERMS)[::-1]]
-    return [*lines, "    return a + n * n * q * q / (p * p * p) * log(max(y, 1.0e-30));", "}"]
-
-
-def _body() -> list[str]:
-    """Return the body integral, statement by statement as in approximation.py."""
-    lines = [
-        "",
-        "// body integral: L T(ci') T(co')/pi; s, c: sine and cosine of the polar angles, c: cosine of phi_o - phi_i",
-        "float ilm_body(float sigma, float n, float si, float ci, float so, float co, float c) {",
-        "    float wi = ci + sigma * si;",
-        "    float wo = co + sigma * so;",
-        "    float x = sigma * si / wi;",
-        "    float z = sigma * so / wo;",
-        "    float y = sigma * sigma / (1.0 + sigma * sigma);",
-    ]
-    lines += _polynomial("l", LAMBERT, "x", "z", True)
-    lines += _polynomial("a", COSINE, "x", "z", False) + _polynomial("b", COSINE, "z", "x", False)
-    return [
-        *lines,
-        "    float t = ilm_transmission(n, min(1.0, wi * exp(a)));",
-        "    float u = ilm_transmission(n, min(1.0, wo * exp(b)));",
-        "    return exp(l) * t * u / ILM_PI;",
-        "}",
-    ]
+def number(value: float) -> str:
+    """Return a GLSL literal of a coefficient, in parentheses if negative."""
+    text = repr(float(value))
+    return f"({text})" if value < 0.0 else text
 
 
 def source() -> str:
-    """Return the text of a GLSL (3.30 and ES 3.00) snippet that defines ``ilm_approx``.
-
-    It evaluates the model in float32: `ilm_body` is the body integral, `ilm_approx` the whole BRDF in 1/sr.
-    """
-    middle = "\n".join([*_external(), *_body()])
-    return f"{HEAD}{TRANSMISSION}{middle}\n{SPECULAR}{WHOLE}"
+    """Return the GLSL text: ``ilm_approx`` and ``ilm_specular`` with all that they call, for any GLSL version."""
+    series = number(REFLECTANCE[-1])
+    for c in REFLECTANCE[-2::-1]:
+        series = f"{number(c)} + y * ({series})"
+    text = TEMPLATE.replace("@series@", series)
+    for letter, values in (("L", LAMBERTIAN), ("F", FACET)):
+        for k, value in enumerate(values):
+            text = text.replace(f"@{letter}{k}@", number(value))
+    return HEADER + text

@@ -1,4 +1,4 @@
-"""Interfaced Lambertian microfacets with an approximate body at listed pairs of directions."""
+"""Interfaced Lambertian microfacets with the approximate body, at listed pairs of directions."""
 
 from __future__ import annotations
 
@@ -16,26 +16,22 @@ from brdftab.models.setup import Setup
 
 
 @parallel_kernel
-def _points(theta_i, theta_o, phi, masking, sigma, indices, kappa, out):
-    """Fill out (N, 1 or 2, C): the total, or specular part and body."""
+def _points(theta_i, theta_o, phi, sigma, indices, out):
+    """Fill out (2, N, K) for K distinct indices of refraction: specular part and body integral."""
     for k in numba.prange(theta_i.size):
-        # the lower direction first: both orders of a pair give the same number
-        ti, to = max(theta_i[k], theta_o[k]), min(theta_i[k], theta_o[k])
+        ti, to, dp = theta_i[k], theta_o[k], phi[k]
         si, ci, so, co = math.sin(ti), math.cos(ti), math.sin(to), math.cos(to)
-        above = min(ci, co) > HORIZON
-        peak, i_h = 0.0, 1.0
-        if above and sigma > 0.0:
-            peak, i_h = geometry(masking, 0, sigma, sigma, ti, to, abs(phi[k]), 0.0)
-        for c in range(indices.size):
-            mirror, matte = 0.0, 0.0
-            if above:
-                mirror = peak * reflectance(2, indices[c], 0.0, i_h)
-                matte = kappa[c] * body(sigma, indices[c], si, ci, so, co, math.cos(phi[k]))
-            if out.shape[1] == 1:
-                out[k, 0, c] = mirror + matte
-            else:
-                out[k, 0, c] = mirror
-                out[k, 1, c] = matte
+        for m in range(indices.size):
+            out[0, k, m], out[1, k, m] = 0.0, 0.0
+        if min(ci, co) <= HORIZON:
+            continue
+        value, i_h = 0.0, 0.0
+        if sigma > 0.0:
+            value, i_h = geometry(V_CAVITY, 0, sigma, sigma, ti, to, dp, 0.0)
+        for m in range(indices.size):
+            if value > 0.0:
+                out[0, k, m] = value * reflectance(2, indices[m], 0.0, i_h)
+            out[1, k, m] = body(sigma, indices[m], si, ci, so, co, math.cos(dp))
 
 
 def points(
@@ -48,16 +44,31 @@ def points(
     orders: int,
     tolerance: float,
 ) -> np.ndarray:
-    """Evaluate at N pairs of directions (radians); returns (N, 1 or 2, C) in 1/sr.
+    """Evaluate at N pairs of directions.
 
-    With orders > 0 the layers are specular part and body. `tolerance` is unused: the approximation's own error, which
-    docs/ilm-approx.md maps, is not a matter of nodes.
+    Parameters
+    ----------
+    setup : Setup
+        From `brdftab.models.setup.resolve`.
+    theta_i, theta_o, phi, phi_i : ndarray (N,)
+        Radians.
+    orders : int
+        0 for the total, else the components specular and body.
+    tolerance : float
+        Has no influence: the specular part is exact, and the body has the approximation's own error
+        (docs/ilm-approx.md), which no error estimate of a table counts. For a given error take the model ilm.
+
+    Returns
+    -------
+    ndarray (N, P, C)
+        BRDF in 1/sr.
     """
     assert setup.fresnel is not None
-    count = len(setup.channels)
-    indices = np.ascontiguousarray(np.broadcast_to(setup.fresnel.a, count))
-    kd = np.broadcast_to(setup.values["kd"], count)
-    kappa = np.array([body_factor(float(k), float(n)) for k, n in zip(kd, indices, strict=True)])
-    out = np.empty((theta_i.size, 2 if orders else 1, count))
-    _points(theta_i, theta_o, phi, V_CAVITY, setup.alpha_x, indices, kappa, out)
-    return out
+    indices, at = np.unique(setup.fresnel.a, return_inverse=True)
+    out = np.empty((2, theta_i.size, indices.size))
+    _points(theta_i, theta_o, phi, setup.alpha_x, indices, out)
+    channels = len(setup.channels)
+    column, kd = np.broadcast_to(at, channels), np.broadcast_to(setup.values["kd"], channels)
+    kappa = np.array([body_factor(k, indices[c]) for k, c in zip(kd, column, strict=True)])
+    layers = np.stack([out[0][:, column], kappa * out[1][:, column]], axis=1)
+    return layers if orders else layers.sum(axis=1, keepdims=True)

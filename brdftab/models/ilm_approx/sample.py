@@ -1,5 +1,7 @@
-"""Sampling of the approximate model: as interfaced Lambertian facets, microfacet/interfaced.py; weights differ."""
+"""Sampling of the closed form: the mixture that interfaced surfaces share, as the lobes are those of ilm."""
 
-from brdftab.models.microfacet.interfaced import pdf, sample
+from __future__ import annotations
+
+from brdftab.models.microfacet.interfaced_sampling import pdf, sample
 
 __all__ = ["pdf", "sample"]

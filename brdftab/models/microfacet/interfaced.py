@@ -1,7 +1,0 @@
-"""Sampling of interfaced Lambertian facets: the mixture that interfaced surfaces share."""
-
-from __future__ import annotations
-
-from brdftab.models.microfacet.interfaced_sampling import pdf, sample, specular_share
-
-__all__ = ["pdf", "sample", "specular_share"]
