@@ -284,7 +284,7 @@ def test_reciprocity(model, rough, optics):
 
 
 def _ndfs(model):
-    """Return the distributions of mirror facets; other surfaces are taken as they come (test_ilm.py has their extremes)."""
+    """Return the distributions of mirror facets; other surfaces come with their defaults (extremes: test_ilm.py)."""
     return model.ndfs if model.ndfs and model.has("material") else (None,)
 
 

@@ -58,6 +58,7 @@ TABLES = {
     "ilm-inf.npz": "--model ilm --grid 6x6x10 --bounces inf --sigma 0.8 --kd 0.9 --tolerance 1e-2",
     "ilm-anisotropic.exr": "--model ilm --grid 3x6x3x6 --sigma-x 0.2 --sigma-y 0.6 --f0 0.04 --tolerance 1e-2",
     "ilm-gaussian.npz": "--model ilm --grid 6x6x10 --ndf gaussian --sigma 0.2 --ior 1.3,1.4,1.5 --tolerance 1e-2",
+    "ilm-approx-components.exr": "--model ilm-approx --grid 6x6x10 --sigma 0.6 --ior 1.3 --components",
     "ilm-approx.npz": "--model ilm-approx --grid 8x8x12 --kd 0.8,0.4,0.1",
     "vgroove-nonsym-direct.npz": "--model vgroove-nonsym --grid 8x8x12 --ndf phong --alpha 0.7 "
     "--material mirror --dtype float64 --tolerance 1e-3",
