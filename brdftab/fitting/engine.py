@@ -257,18 +257,20 @@ class Fitter:
             fixed = (fixed[0], gram.rules(made, rule))
         d = directions(theta_i, theta_o, phi, np.zeros_like(theta_i))
         parts = []
-        for at in range(0, theta_i.size, BLOCK):
-            part = [np.resize(a[at : at + BLOCK], BLOCK) for a in d]
+        # many points are worth a program of their own
+        block = BLOCK if theta_i.size <= SMALL * gram.CHUNK else SMALL * gram.CHUNK
+        for at in range(0, theta_i.size, block):
+            part = [np.resize(a[at : at + block], block) for a in d]
             parts.append(np.asarray(gram.predict(made, x, fixed, Directions(*part))).T)
         return np.concatenate(parts)[: theta_i.size]
 
     def _bias(self, outcome: Outcome) -> Array:
         """Return how far the coordinates are off because the integration rule is coarse.
 
-        The values of a much finer rule at the answer are fitted again with the present one, without noise.
+        The values of a rule finer by two steps at the answer are fitted again with the present one, without noise.
         """
         few = Points._make(a[:CHECKED] for a in self.few)
-        exact = self.predict(outcome.x, few.theta_i, few.theta_o, few.phi, rule=1e-7)
+        exact = self.predict(outcome.x, few.theta_i, few.theta_o, few.phi, rule=0.01 * outcome.rule)
         target = losses.transform(self.options.loss, exact, np.cos(few.theta_i)[:, None])
         clean = few._replace(
             target=target, weight=np.where(few.saturated, 0.0, few.weight), saturated=np.zeros_like(few.saturated)
