@@ -35,6 +35,8 @@ class Param:
         ``channels`` takes one value or one a channel; ``choice`` takes one of `choices`.
     choices : tuple of str
         Allowed words of a ``choice``.
+    remark : str
+        What an error about this parameter adds: why a value is left out, or what to do instead.
     """
 
     name: str
@@ -44,6 +46,7 @@ class Param:
     doc: str
     kind: str = "float"
     choices: tuple[str, ...] = ()
+    remark: str = ""
 
 
 @dataclass(frozen=True)
@@ -141,6 +144,14 @@ def sampler(name: str) -> ModuleType:
 def _has(folder: str, module: str) -> bool:
     """Tell whether a model's folder holds a module, without importing it."""
     return any(os.path.isfile(os.path.join(root, folder, f"{module}.py")) for root in __path__)
+
+
+def settled(setup: Any) -> Any:
+    """Return a setup after the model's own ``settle`` has checked what depends on several parameters, if it has one."""
+    folder = _folders()[setup.model.name]
+    if not _has(folder, "settle"):
+        return setup
+    return importlib.import_module(f"{__name__}.{folder}.settle").settle(setup)
 
 
 def _has_twin(folder: str) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 from brdftab.errors import ParameterError
 from brdftab.materials import fresnel as builders
 from brdftab.materials.fresnel import Fresnel
-from brdftab.models import Model, Param, spec
+from brdftab.models import Model, Param, settled, spec
 from brdftab.models.microfacet.params import FRESNEL_PARAMS
 
 NDF_CODES = {"beckmann": 0, "ggx": 1, "phong": 2, "gaussian": 3}
@@ -78,7 +78,7 @@ def _floats(param: Param, value: Any) -> Any:
     for x in array:
         if not (math.isfinite(x) and lo <= x <= hi):
             shown = f"{math.degrees(x):g} degrees" if param.unit == "rad" else f"{x:g}"
-            raise ParameterError.out_of_range(param.name, shown, valid, f"{param.doc}")
+            raise ParameterError.out_of_range(param.name, shown, valid, param.remark or param.doc)
     if param.kind == "int":
         if array[0] != int(array[0]):
             raise ParameterError.out_of_range(param.name, value, f"the whole numbers in {valid}")
@@ -99,7 +99,8 @@ def _checked(param: Param, value: Any) -> Any:
             # bounces = 2 means "2"
             value = str(value)
         if value not in choices:
-            raise ParameterError(f"{param.name} = {value} is not known; choose one of {', '.join(choices)}")
+            why = f" ({param.remark})" if param.remark else ""
+            raise ParameterError(f"{param.name} = {value} is not known; choose one of {', '.join(choices)}{why}")
         return value
     return _floats(param, value)
 
@@ -251,7 +252,7 @@ def resolve(model: str, **given: Any) -> Setup:
             channels = ("Y",) if count == 1 else ("R", "G", "B")
     order = [p.name for p in declared.params]
     parameters = {n: (v[0] if isinstance(v, list) and len(v) == 1 else v) for n, v in checked.items()}
-    return Setup(
+    setup = Setup(
         model=declared,
         parameters=dict(sorted(parameters.items(), key=lambda item: order.index(item[0]))),
         channels=channels,
@@ -262,6 +263,7 @@ def resolve(model: str, **given: Any) -> Setup:
         values=values,
         max_bounces=_cap(checked, values),
     )
+    return settled(setup)  # type: ignore[no-any-return]  # typed loosely to keep the registry free of numpy
 
 
 def component_names(setup: Setup, orders: int) -> tuple[str, ...]:

@@ -41,3 +41,39 @@ FRESNEL_PARAMS = (
 MAX_BOUNCES = Param(
     "max_bounces", "", None, (1, 1_000_000), "leave out higher bounce orders; the energy lost is reported", "int"
 )
+
+NDF_NO_PHONG = (
+    Param(
+        "ndf",
+        "",
+        "ggx",
+        None,
+        "normal distribution function",
+        "choice",
+        ("beckmann", "ggx"),
+        "phong is left out: it has no Smith Lambda of its own, which every further bounce needs",
+    ),
+    *(p for p in NDF_PARAMS if p.name.startswith("alpha")),
+)
+
+BOUNDARY_PARAMS = tuple(
+    Param(
+        "ior",
+        "",
+        None,
+        (1.01, 10.0),
+        "refractive index below the surface, air above: reflects and transmits; one value or three",
+        "channels",
+        (),
+        "below 1 swap the sides: give 1/ior and put the light below the surface, theta_i above 90 degrees",
+    )
+    if p.name == "ior"
+    else p
+    for p in FRESNEL_PARAMS
+)
+
+SAMPLING_PARAMS = (
+    Param("samples", "", None, (1, 2**31), "paths a cell of the estimators (default: as many as tolerance asks)", "int"),
+    Param("seed", "", 0, (0, 2**63 - 1), "seed of the estimators' random numbers; any thread count gives the same", "int"),
+    Param("roulette", "", "off", None, "end dim paths of the estimators at random", "choice", ("off", "on")),
+)

@@ -1,0 +1,62 @@
+"""All bounces of Smith microfacets: which of the roads serves a setup.
+
+volterra/: the noise-free solver of reflecting surfaces; dielectric/: that of dielectrics; montecarlo/: the estimators.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from brdftab.models.setup import Setup
+from brdftab.models.smith_multi import dielectric, montecarlo, volterra
+from brdftab.models.smith_multi.settle import transmits
+
+LAYERED = True
+
+
+def _road(setup: Setup) -> Any:
+    """Return the package that evaluates a setup."""
+    if setup.values["estimator"] != "solver":
+        return montecarlo
+    return dielectric if transmits(setup) else volterra
+
+
+def points(
+    setup: Setup,
+    theta_i: np.ndarray,
+    theta_o: np.ndarray,
+    phi: np.ndarray,
+    phi_i: np.ndarray,
+    *,
+    orders: int,
+    tolerance: float,
+) -> np.ndarray:
+    """Evaluate at N pairs of directions (radians); returns (N, P, C) in 1/sr."""
+    return _road(setup).points(setup, theta_i, theta_o, phi, phi_i, orders=orders, tolerance=tolerance)  # type: ignore[no-any-return]
+
+
+def prepare(setup: Setup, tolerance: float, trial: bool = False, orders: int = 0) -> Any:
+    """Return the solver's product-grid tables, or None for the estimators."""
+    return None if stochastic(setup) else _road(setup).prepare(setup, tolerance, trial, orders)
+
+
+def albedo(setup: Setup, theta_i: np.ndarray, phi_i: float, tolerance: float) -> np.ndarray | None:
+    """Return the directional albedo (N, C) of all bounces, reflected and transmitted light together; None: not by a solver."""
+    return None if stochastic(setup) else _road(setup).albedo(setup, theta_i, tolerance)
+
+
+def stochastic(setup: Setup) -> bool:
+    """Tell whether values carry a statistical error."""
+    return bool(setup.values["estimator"] != "solver")
+
+
+def estimates(setup: Setup, *angles: np.ndarray, orders: int, tolerance: float) -> Any:
+    """Return values with standard errors at N pairs of directions, see `montecarlo.estimates`."""
+    return montecarlo.estimates(setup, *angles, orders=orders, tolerance=tolerance)
+
+
+def estimate_table(setup: Setup, axes: dict[str, np.ndarray], **options: Any) -> Any:
+    """Return values with standard errors on a product grid, see `montecarlo.estimate_table`."""
+    return montecarlo.estimate_table(setup, axes, **options)

@@ -1,0 +1,55 @@
+"""Which estimator serves a setup, and which combinations are refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from brdftab.errors import ParameterError
+from brdftab.materials.fresnel import DIELECTRIC
+from brdftab.models.setup import Setup
+
+SOLVER_ALPHA = (0.01, 2.0)
+
+
+def transmits(setup: Setup) -> bool:
+    """Tell whether the surface is a dielectric, which transmits what it does not reflect."""
+    return setup.fresnel is not None and setup.fresnel.kind == DIELECTRIC
+
+
+def settle(setup: Setup) -> Setup:
+    """Return the setup with its estimator by name.
+
+    Raises
+    ------
+    ParameterError
+        If the estimator does not serve the surface, or sampling options are given to the solver.
+    """
+    asked, below = setup.values["estimator"], transmits(setup)
+    low, high = SOLVER_ALPHA
+    chosen = asked
+    if asked == "auto":
+        chosen = "solver" if setup.isotropic else ("pt" if below else "hybrid")
+    if chosen == "solver":
+        if not setup.isotropic:
+            raise ParameterError(
+                f"estimator = solver needs an isotropic surface, not alpha_x = {setup.alpha_x:g}, alpha_y = "
+                f"{setup.alpha_y:g}; use {'pt' if below else 'hybrid, bdpt or pt'}"
+            )
+        if not low <= setup.alpha_x <= high:
+            raise ParameterError(
+                f"alpha = {setup.alpha_x:g} is outside [{low:g}, {high:g}], where the solver is accurate; use estimator = "
+                f"{'pt' if below else 'bdpt'}"
+            )
+        for name, idle in (("samples", None), ("seed", 0), ("roulette", "off")):
+            if setup.values[name] != idle:
+                raise ParameterError(
+                    f"{name} = {setup.values[name]} has no meaning for estimator = solver, which draws no paths; leave it "
+                    "out, or use pt or bdpt"
+                )
+    if below and chosen in ("bdpt", "hybrid"):
+        raise ParameterError(
+            f"estimator = {chosen} traces reflections only and ior = {setup.parameters['ior']} transmits too; use solver "
+            "or pt"
+        )
+    kept = {n: v for n, v in setup.parameters.items() if chosen != "solver" or n not in ("samples", "seed", "roulette")}
+    return replace(setup, values={**setup.values, "estimator": chosen}, parameters={**kept, "estimator": chosen})
