@@ -15,7 +15,7 @@ SPEC = Model(
             "",
             "auto",
             None,
-            "solver: no noise, isotropic; pt, bdpt: path tracing; hybrid: orders 1 and 2 by quadrature, the rest by bdpt; "
+            "solver: no noise, isotropic; pt, bdpt: path tracing; hybrid: orders 1 and 2 by quadrature, others by bdpt; "
             "auto: solver, or for anisotropic surfaces hybrid (conductor) and pt (dielectric)",
             "choice",
             ("auto", "solver", "pt", "bdpt", "hybrid"),
@@ -32,7 +32,7 @@ SPEC = Model(
     ),
     doi="10.1145/3528223.3530112",
     variant=(
-        "Height-uncorrelated masking as in the paper, so that all orders add up to 1 in the furnace. A dielectric (ior) "
+        "Height-uncorrelated masking as in the paper; all orders add up to 1 in the furnace. A dielectric (ior) "
         "reflects and transmits: f is the BSDF of light at i seen from o, f(i, o)/n_o^2 = f(o, i)/n_i^2."
     ),
     errata=(

@@ -43,7 +43,7 @@ def prepare(setup: Setup, tolerance: float, trial: bool = False, orders: int = 0
 
 
 def albedo(setup: Setup, theta_i: np.ndarray, phi_i: float, tolerance: float) -> np.ndarray | None:
-    """Return the directional albedo (N, C) of all bounces, reflected and transmitted light together; None: not by a solver."""
+    """Return the directional albedo (N, C) of all bounces, transmitted light included; None: no solver serves."""
     return None if stochastic(setup) else _road(setup).albedo(setup, theta_i, tolerance)
 
 

@@ -37,19 +37,19 @@ def settle(setup: Setup) -> Setup:
             )
         if not low <= setup.alpha_x <= high:
             raise ParameterError(
-                f"alpha = {setup.alpha_x:g} is outside [{low:g}, {high:g}], where the solver is accurate; use estimator = "
-                f"{'pt' if below else 'bdpt'}"
+                f"alpha = {setup.alpha_x:g} is outside [{low:g}, {high:g}], where the solver is accurate; use "
+                f"estimator = {'pt' if below else 'bdpt'}"
             )
         for name, idle in (("samples", None), ("seed", 0), ("roulette", "off")):
             if setup.values[name] != idle:
                 raise ParameterError(
-                    f"{name} = {setup.values[name]} has no meaning for estimator = solver, which draws no paths; leave it "
-                    "out, or use pt or bdpt"
+                    f"{name} = {setup.values[name]} has no meaning for estimator = solver, which draws no paths; leave "
+                    "it out, or use pt or bdpt"
                 )
     if below and chosen in ("bdpt", "hybrid"):
         raise ParameterError(
-            f"estimator = {chosen} traces reflections only and ior = {setup.parameters['ior']} transmits too; use solver "
-            "or pt"
+            f"estimator = {chosen} traces reflections only and ior = {setup.parameters['ior']} transmits too; use "
+            "solver or pt"
         )
     kept = {n: v for n, v in setup.parameters.items() if chosen != "solver" or n not in ("samples", "seed", "roulette")}
     return replace(setup, values={**setup.values, "estimator": chosen}, parameters={**kept, "estimator": chosen})

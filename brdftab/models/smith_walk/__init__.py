@@ -1,6 +1,6 @@
 """Random walks on Smith microfacets, with heights."""
 
-from brdftab.models import Model, Param
+from brdftab.models import Model
 from brdftab.models.microfacet.params import BOUNDARY_PARAMS, MAX_BOUNCES, NDF_NO_PHONG, SAMPLING_PARAMS
 
 SPEC = Model(
