@@ -374,3 +374,16 @@ def test_views_over_the_solid_angle_have_uniform_cosines():
     share, _ = np.histogram(np.cos(theta_o), bins=10, range=(low, 1.0))
     # 20 strata of theta_o put exactly two into each bin
     assert np.all(share == 800)
+
+
+@pytest.mark.parametrize(
+    ("loss", "offset"), [("log", 1e-9), ("logeps", 1e-3), ("l1p", 1.0), ("cosine", 0.0), ("cbrt", 0.0)]
+)
+def test_weights_fall_below_the_noise_floor(loss, offset):
+    """The weight is the noise far above the floor over that at a value whose noise is hypot(value, floor)."""
+    from brdftab.fitting.losses import noise_weight
+
+    values = np.array([[0.0], [0.003], [0.03], [4.0], [-1.0]])
+    expected = [(max(v, 0.0) + offset) / np.sqrt((max(v, 0.0) + offset) ** 2 + 0.03**2) for v in values[:, 0]]
+    np.testing.assert_allclose(noise_weight(loss, values, 0.03)[:, 0], expected, rtol=1e-14)
+    assert (noise_weight(loss, values, 0.0) == 1.0).all()

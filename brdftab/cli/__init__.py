@@ -43,8 +43,8 @@ class _Group(click.Group):
             raise
         except click.UsageError as error:
             path = error.ctx.command_path if error.ctx else ctx.command_path
-            message = " ".join(error.format_message().split())
-            click.echo(f"Error: {message} See {path} --help.", err=True)
+            message = " ".join(error.format_message().split()).rstrip(".")
+            click.echo(f"Error: {message}. See {path} --help.", err=True)
             ctx.exit(2)
         except BrdftabError as error:
             message = " ".join(str(error).split())

@@ -83,7 +83,7 @@ def fit(
     if grid and not predicted:
         raise ParameterError(f"grid = {grid} needs --predict beside it")
     if predicted:
-        check_output(predicted, overwrite=overwrite)
+        check_output(predicted, overwrite=overwrite, name="predict")
     if out:
         check_target(out, overwrite=overwrite)
     more = ("loss", "sampling", "samples", "saturation", "noise_floor", "solver", "starts", "seed")

@@ -102,7 +102,7 @@ class Points(NamedTuple):
         safe = np.where(used, values, 1.0)
         cosine = np.cos(theta_i)
         target = losses.transform(options.loss, safe, cosine[:, None])
-        weight = np.where(used, losses.noise_weight(options.loss, safe, cosine, options.noise_floor), 0.0)
+        weight = np.where(used, losses.noise_weight(options.loss, safe, options.noise_floor), 0.0)
         return cls(theta_i, theta_o, phi, safe, target, weight, saturated & used)
 
     @property

@@ -36,18 +36,12 @@ def usable(loss: str, values: Array) -> NDArray[np.bool_]:
     return values > 0.0 if loss == "log" else values > -0.5 * max(OFFSETS[loss], 1e-3)
 
 
-def noise_weight(loss: str, values: Array, cosine: Array, additive: float) -> Array:
-    """Return residual weights (N, C) for a noise of `additive` (1/sr) on top of one that the loss sees as constant."""
-    if additive == 0.0:
+def noise_weight(loss: str, values: Array, floor: float) -> Array:
+    """Return residual weights (N, C): 1 far above the `floor` (1/sr) of the noise, 1/sqrt 2 at it, f/floor below."""
+    if floor == 0.0:
         return np.ones_like(values)
-    f, c = np.maximum(values, 0.0), cosine[:, None]
-    if loss == "cosine":
-        return f * c / np.hypot(f * c, additive)
-    if loss == "cbrt":
-        # d cbrt(f c)/df relative to its value
-        return f / np.hypot(f, additive)
-    whole = f + OFFSETS[loss]
-    return whole / np.hypot(whole, additive)
+    whole = np.maximum(values, 0.0) + (0.0 if loss in ("cosine", "cbrt") else OFFSETS[loss])
+    return whole / np.hypot(whole, floor)
 
 
 def soft_l1(r: Any, scale: Any) -> Any:

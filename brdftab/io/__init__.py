@@ -107,8 +107,8 @@ def write(table: Table, path: str | os.PathLike[str], *, overwrite: bool = False
             npz.write(table, temporary)
 
 
-def check_output(path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-    """Refuse early, before any work, what `write` would refuse at the end.
+def check_output(path: str | os.PathLike[str], *, overwrite: bool = False, name: str = "out") -> None:
+    """Refuse early, before any work, what `write` would refuse at the end; `name` is what the user calls the path.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def check_output(path: str | os.PathLike[str], *, overwrite: bool = False) -> No
     """
     path = Path(path)
     if path.suffix.lower() not in ENDINGS:
-        raise BrdftabError(f"out = {show(path)} has no known ending; end it in .exr or .npz")
+        raise BrdftabError(f"{name} = {show(path)} has no known ending; end it in .exr or .npz")
     check_target(path, overwrite=overwrite)
 
 

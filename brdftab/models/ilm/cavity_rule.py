@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from brdftab.models.ilm.cavity_exchange import exchange, unit_rule
 from brdftab.models.ilm.cavity_light import recurrence
-from brdftab.models.ilm.interface import body_factor
+from brdftab.models.microfacet.interface import body_factor
 from brdftab.models.setup import Setup
 
 Array = NDArray[np.float64]

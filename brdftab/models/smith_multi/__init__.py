@@ -15,7 +15,7 @@ SPEC = Model(
             "",
             "auto",
             None,
-            "solver: no noise, isotropic; pt, bdpt: path tracing; hybrid: orders 1 and 2 by quadrature, others by bdpt; "
+            "solver: no noise, isotropic; pt, bdpt: path tracing; hybrid: orders 1, 2 by quadrature, rest by bdpt; "
             "auto: solver, or for anisotropic surfaces hybrid (conductor) and pt (dielectric)",
             "choice",
             ("auto", "solver", "pt", "bdpt", "hybrid"),
