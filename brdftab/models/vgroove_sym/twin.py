@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import jax.numpy as jnp
 from jax import Array
 
 from brdftab.models.microfacet.twin.frame import Directions, groove_plane, half_vector, lifted
-from brdftab.models.microfacet.twin.fresnel import reflectance
+from brdftab.models.microfacet.twin.grooves import groove_value, higher
 from brdftab.models.microfacet.twin.masking import v_cavity
 from brdftab.models.microfacet.twin.ndf import density, shape_at
 from brdftab.models.microfacet.twin.static import Static
 from brdftab.models.vgroove_sym.twin_bounces import bounces, rankings
 
 SHAPE_PARAMS = ("alpha_x", "alpha_y")
-# below this sine of theta_h two or more bounces are not evaluated
-MIRROR_SINE = 1e-14
 
 
 def shapes(static: Static, p: dict[str, Array], d: Directions) -> tuple[Array, ...]:
@@ -45,32 +45,8 @@ def shapes(static: Static, p: dict[str, Array], d: Directions) -> tuple[Array, .
         return (first,)
     ranks = rankings(static, shape, groove_plane(d))
     if static.fresnel == 0:
-        return (first + _higher(static, p, (shape, amp, *ranks), above, d),)
+        return (first + higher(bounces, static, p, (shape, amp, *ranks), above, d),)
     return (first, shape, amp, *ranks)
 
 
-def value(static: Static, p: dict[str, Array], shapes: tuple[Array, ...], d: Directions) -> Array:
-    """Return the BRDF (1/sr) of one channel or wavelength, (N,).
-
-    p holds the reflectance: a and b, scalars, as its kind needs them. At the mirror direction itself only the first
-    order counts, as in the kernel.
-    """
-    if static.fresnel == 0:
-        return shapes[0]
-    above, d = lifted(d)
-    i_h = half_vector(d)[2]
-    first = shapes[0] * reflectance(static.fresnel, p.get("a"), p.get("b"), i_h)
-    if static.max_bounces == 1:
-        return first
-    return first + _higher(static, p, shapes[1:], above, d)
-
-
-def _higher(static: Static, p: dict[str, Array], shared: tuple[Array, ...], above: Array, d: Directions) -> Array:
-    """Return orders two and above, (N,), 0 below the horizon and at the mirror direction."""
-    shape, amp, *ranks = shared
-    plane = groove_plane(d)
-    sin_h, _, i_h, big_l = plane[:4]
-    live = above & (sin_h >= MIRROR_SINE)
-    total = bounces(static, p.get("a"), p.get("b"), shape, plane, ranks)
-    front = amp * big_l / (4.0 * i_h * d.ci * d.co * jnp.where(live, sin_h, 1.0))
-    return jnp.where(live, front * total, 0.0)
+value = partial(groove_value, bounces)
