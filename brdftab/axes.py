@@ -20,9 +20,11 @@ TWO_PI = 2.0 * math.pi
 # axes closer than this are the same direction: far above rounding of degrees to radians, far below any real cell
 SAME = 1e-12
 
-TOP_DEGREES = {"theta_i": 90.0, "theta_o": 90.0, "phi": 180.0, "phi_i": 360.0, "phi_o": 360.0}
-TOP = {"theta_i": HALF_PI, "theta_o": HALF_PI, "phi": math.pi, "phi_i": TWO_PI, "phi_o": TWO_PI}
+# polar angles beyond 90 degrees lie below the surface, where dielectrics transmit to
+TOP_DEGREES = {"theta_i": 180.0, "theta_o": 180.0, "phi": 180.0, "phi_i": 360.0, "phi_o": 360.0}
+TOP = {"theta_i": math.pi, "theta_o": math.pi, "phi": math.pi, "phi_i": TWO_PI, "phi_o": TWO_PI}
 PERIODIC = ("phi_i", "phi_o")
+POLAR = ("theta_i", "theta_o")
 COUNT = re.compile(r"[+-]?\d{1,18}")
 
 _SPEC_HELP = 'write "start:stop:count" or "a,b,c" in degrees'
@@ -34,7 +36,8 @@ def voronoi(name: str, positions: Array) -> Array:
     Parameters
     ----------
     name : str
-        Axis: its range ends the outer cells; ``phi_i`` and ``phi_o`` are periodic instead.
+        Axis: its range ends the outer cells; ``phi_i`` and ``phi_o`` are periodic instead. Polar angles reach over
+        the hemispheres that they touch, and the horizon is an edge between these.
     positions : ndarray, shape (n,)
         Strictly increasing, radians.
 
@@ -46,18 +49,36 @@ def voronoi(name: str, positions: Array) -> Array:
     if name in PERIODIC:
         first = 0.5 * (positions[-1] - TWO_PI + positions[0])
         return np.concatenate([[first], middle, [first + TWO_PI]])
+    if name in POLAR:
+        crossing = (positions[:-1] < HALF_PI) & (positions[1:] > HALF_PI)
+        middle = np.where(crossing, HALF_PI, middle)
+        first = HALF_PI if positions[0] > HALF_PI else 0.0
+        return np.concatenate([[first], middle, [math.pi if positions[-1] > HALF_PI else HALF_PI]])
     return np.concatenate([[0.0], middle, [TOP[name]]])
 
 
-def regular(name: str, count: int, cell: str) -> dict[str, Array]:
-    """Return positions and edges of `count` equal cells or equally spaced points over the axis's range."""
-    top = TOP_DEGREES[name]
+def regular(name: str, count: int, cell: str, below: int = 0) -> dict[str, Array]:
+    """Return positions and edges of `count` equal cells or equally spaced points over the axis's range.
+
+    Polar axes have `count` of them above the surface and `below` of them under it.
+    """
+    parts = [_regular(name, count, cell, 0.0, 90.0 if name in POLAR else TOP_DEGREES[name])] if count else []
+    if below:
+        parts.append(_regular(name, below, cell, 90.0, 180.0))
+    if len(parts) == 1:
+        return {key: np.deg2rad(degrees) for key, degrees in parts[0].items()}
+    # the horizon stands once
+    return {key: np.deg2rad(np.unique(np.concatenate([part[key] for part in parts]))) for key in parts[0]}
+
+
+def _regular(name: str, count: int, cell: str, low: float, high: float) -> dict[str, Array]:
+    """Return positions and edges in degrees over one range."""
     if cell == "point":
-        return {name: np.deg2rad(np.linspace(0.0, top, count, endpoint=name not in PERIODIC))}
+        return {name: np.linspace(low, high, count, endpoint=name not in PERIODIC)}
     # whole steps in degrees first, so that 90 cells sit at 0.5, 1.5, ... degrees to the last bit
-    steps = np.arange(2 * count + 1) * (top / (2 * count))
-    steps[-1] = top
-    return {name: np.deg2rad(steps[1::2]), f"{name}_edges": np.deg2rad(steps[::2])}
+    steps = low + np.arange(2 * count + 1) * ((high - low) / (2 * count))
+    steps[-1] = high
+    return {name: steps[1::2], f"{name}_edges": steps[::2]}
 
 
 def positions(name: str, value: ArrayLike | str) -> ArrayLike:

@@ -144,5 +144,5 @@ def axis_nodes(edges: Array, count: int, polar: bool) -> tuple[Array, Array]:
     nodes = edges[None, :-1] + np.diff(edges)[None, :] * u[:, None]
     weights = np.broadcast_to(w[:, None], nodes.shape)
     if polar:
-        weights = weights * np.cos(nodes) * np.sin(nodes)
+        weights = weights * np.abs(np.cos(nodes)) * np.sin(nodes)
     return nodes, weights / weights.sum(axis=0)

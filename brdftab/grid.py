@@ -28,7 +28,7 @@ class Grid:
     Attributes
     ----------
     theta_i, theta_o : ndarray of float64, shape (n,)
-        Polar angles of light and view, strictly increasing in [0, pi/2].
+        Polar angles of light and view, strictly increasing in [0, pi]; beyond pi/2 they lie below the surface.
     phi : ndarray of float64 or None
         Isotropic grids: relative azimuth phi_o - phi_i, strictly increasing in [0, pi].
     phi_i, phi_o : ndarray of float64 or None
@@ -108,6 +108,11 @@ class Grid:
         return math.prod(self.shape)
 
     @property
+    def below(self) -> bool:
+        """Whether any direction lies below the surface."""
+        return max(float(self.theta_i[-1]), float(self.theta_o[-1])) > axis.HALF_PI + SAME
+
+    @property
     def square(self) -> bool:
         """Whether light and view share their positions and edges, so that reciprocity maps cells to cells."""
         pairs = [("theta_i", "theta_o")] if self.isotropic else [("theta_i", "theta_o"), ("phi_i", "phi_o")]
@@ -143,7 +148,8 @@ class Grid:
         Parameters
         ----------
         text : str
-            Counts in the order theta_i x theta_o x phi, or theta_i x phi_i x theta_o x phi_o.
+            Counts in the order theta_i x theta_o x phi, or theta_i x phi_i x theta_o x phi_o. A polar count as
+            ``45+45`` gives positions above and below the surface, for dielectrics that transmit.
         cell : {"center", "average", "point"}
             With center and average the cells are equally wide and positions are their centres; with point the
             positions are equally spaced and include both ends (4-D azimuths: without 360 degrees).
@@ -158,19 +164,26 @@ class Grid:
             For malformed text, a count below 1, too many cells or an unknown `cell`.
         """
         words = [word.strip() for word in str(text).lower().split("x")]
-        if len(words) not in (3, 4) or not all(axis.COUNT.fullmatch(word) for word in words):
+        names = ISOTROPIC if len(words) == 3 else ANISOTROPIC
+        halves = [word.split("+") if word.count("+") == 1 and word[0] != "+" else [word] for word in words]
+        if (
+            len(words) not in (3, 4)
+            or not all(axis.COUNT.fullmatch(part) for half in halves for part in half)
+            or any(len(half) > 1 and name not in axis.POLAR for name, half in zip(names, halves, strict=True))
+        ):
             raise GridError(
                 f"grid = {axis.short(text)} is malformed; write theta_i x theta_o x phi as in 90x90x180, "
-                "or theta_i x phi_i x theta_o x phi_o as in 12x24x12x24"
+                "or theta_i x phi_i x theta_o x phi_o as in 12x24x12x24; 45+45 polar angles lie above and below"
             )
-        counts = [int(word) for word in words]
-        axis.check_size(counts)
+        counts = [[int(part) for part in half] for half in halves]
+        if any(min(half) < 0 for half in counts if len(half) > 1):
+            raise GridError(f"grid = {axis.short(text)} asks for a negative count; give 0 or more on each side")
+        axis.check_size([sum(half) for half in counts])
         if cell not in CELLS:
             raise GridError(f"cell = {cell!r} is not one of {', '.join(CELLS)}")
-        names = ISOTROPIC if len(counts) == 3 else ANISOTROPIC
         given: dict[str, Any] = {}
-        for name, count in zip(names, counts, strict=True):
-            given |= axis.regular(name, count, cell)
+        for name, half in zip(names, counts, strict=True):
+            given |= axis.regular(name, half[0], cell, *half[1:])
         return cls(**given, cell=cell)
 
     @classmethod

@@ -158,7 +158,7 @@ def test_malformed_counts_are_refused(text):
         ({"theta_i": "90:0:4"}, "does not increase"),
         ({"theta_i": "0:90:0"}, "at least 1"),
         ({"theta_i": "0:90:99999999"}, "at most"),
-        ({"theta_i": "0,91"}, "theta_i = 91 degrees is outside"),
+        ({"theta_i": "0,181"}, "theta_i = 181 degrees is outside"),
         ({"theta_i": "-1,5"}, "theta_i = -1 degrees is outside"),
         ({"theta_i": [0.0, math.nan]}, "NaN"),
         ({"theta_i": [0.3, 0.2]}, "does not increase"),
@@ -195,3 +195,31 @@ def test_other_refusals():
             Grid(good.theta_i, good.theta_o, good.phi, theta_i_edges=edges)
     with pytest.raises(GridError, match="without"):
         Grid(good.theta_i, good.theta_o, good.phi, phi_i_edges=[0.0, 1.0])
+
+
+def test_polar_counts_of_both_sides_meet_at_the_horizon():
+    grid = Grid.parse("2x3+2x4")
+    np.testing.assert_allclose(np.degrees(grid.theta_o), [15, 45, 75, 112.5, 157.5], rtol=1e-15)
+    np.testing.assert_allclose(np.degrees(grid.theta_o_edges), [0, 30, 60, 90, 135, 180], rtol=1e-15)
+    assert grid.below
+    assert not grid.square
+    assert not Grid.parse("2x3x4").below
+    assert Grid.parse("2+2x2+2x4").square
+    below = Grid.parse("0+2x2x4")
+    np.testing.assert_allclose(np.degrees(below.theta_i_edges), [90, 135, 180], rtol=1e-15)
+    points = Grid.parse("2x3+2x4", "point")
+    np.testing.assert_allclose(np.degrees(points.theta_o), [0, 45, 90, 180], rtol=1e-15)
+
+
+def test_edges_between_positions_keep_the_sides_apart():
+    grid = Grid.from_axes(theta_i="100,170", theta_o="20,85,130", phi="0")
+    np.testing.assert_allclose(np.degrees(grid.theta_i_edges), [90, 135, 180], rtol=1e-15)
+    np.testing.assert_allclose(np.degrees(grid.theta_o_edges), [0, 52.5, 90, 180], rtol=1e-15)
+    assert Grid.from_json(grid.to_json()) == grid
+
+
+@pytest.mark.parametrize("text", ["2x2x3+1", "2+x2x3", "2++2x2x3", "2+-1x2x3", "0+0x2x3", "2+2+2x2x3", "+2+2x2x3"])
+def test_malformed_counts_of_two_sides_are_refused(text):
+    with pytest.raises(GridError) as caught:
+        Grid.parse(text)
+    assert "\n" not in str(caught.value)
