@@ -23,7 +23,11 @@ class Prepared(Protocol):
         """Return (N, 1, C) in 1/sr at N pairs of directions, radians."""
 
     def fill(self, theta_i: Array, theta_o: Array, phi: Array, square: bool, out: NDArray[np.floating]) -> None:
-        """Fill out (I, O, P, C) on a product grid, half of it by reciprocity when both theta axes are identical."""
+        """Fill out (I, O, P, C) on a product grid, half of it by reciprocity when both theta axes are identical.
+
+        Models whose kernel module says ``LAYERED`` prepare for components too: ``prepare`` takes `orders` and both
+        functions have the components' axis, `out` in front.
+        """
 
 
 class Engine:
@@ -51,8 +55,10 @@ class Engine:
         self._module = models.kernel(setup.model.name)
         prepare = getattr(self._module, "prepare", None)
         self._prepared: Prepared | None = None
-        if fast and prepare is not None and orders == 0 and setup.isotropic:
-            self._prepared = prepare(setup, tolerance, trial)
+        self._layered = bool(getattr(self._module, "LAYERED", False))
+        if fast and prepare is not None and setup.isotropic and (orders == 0 or self._layered):
+            more = (orders,) if self._layered else ()
+            self._prepared = prepare(setup, tolerance, trial, *more)
 
     @property
     def is_fast(self) -> bool:
@@ -73,7 +79,7 @@ class Engine:
         """Fill out (P, I, O, K, C) on an isotropic product grid; identical theta axes are computed half."""
         square = bool(np.array_equal(theta_i, theta_o))
         if self._prepared is not None:
-            self._prepared.fill(theta_i, theta_o, phi, square, out[0])
+            self._prepared.fill(theta_i, theta_o, phi, square, out if self._layered else out[0])
             return
         rows, columns, steps = theta_i.size, theta_o.size, phi.size
         pairs = [(i, o) for i in range(rows) for o in range(i + 1 if square else columns)]

@@ -50,6 +50,8 @@ class Estimate:
     mirror_cells: int
     worst: tuple[int, ...]
 
+    reason = "the rule for cells with kinks or the mirror direction leaves this much; ask for a looser tolerance"
+
     def to_json(self) -> dict[str, Any]:
         """Return the estimate as plain JSON."""
         return {

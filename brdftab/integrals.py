@@ -78,9 +78,14 @@ def half_vector_nodes(setup: Setup, theta_i: float, phi_i: float, nodes: int) ->
 def directional(engine: Engine, theta_i: float, phi_i: float = 0.0, nodes: int = NODES) -> Array:
     """Return the directional albedo (P, C) of an engine's setup at one incoming direction, radians.
 
-    Where a model integrates its smooth part itself, only its highlights are left to half vectors.
+    Where a model integrates itself, that is taken; where it does so with its smooth part, only the highlights are left
+    to half vectors.
     """
     module = models.kernel(engine.setup.model.name)
+    if hasattr(module, "albedo"):
+        own = module.albedo(engine.setup, np.array([theta_i]), phi_i, engine.tolerance)
+        if own is not None:
+            return own
     theta_o, phi, weight = half_vector_nodes(engine.setup, theta_i, phi_i, nodes)
     if engine.layers == 1 and hasattr(module, "smooth_albedo"):
         smooth = module.smooth_albedo(engine.setup, theta_i, engine.tolerance)

@@ -16,6 +16,7 @@ from brdftab.engine import Engine
 from brdftab.estimate import Estimate
 from brdftab.integrals import directional
 from brdftab.models.setup import Setup, resolve
+from brdftab.stochastic import Spread
 
 ALBEDO_ANGLES = (0.0, 30.0, 60.0, 80.0)
 ALBEDO_TOLERANCE = 1e-4
@@ -45,18 +46,13 @@ def physics(setup: Setup, engine: Engine, tolerance: float) -> dict[str, Any]:
     }
 
 
-def verdict(judged: Estimate, tolerance: float, dtype: DTypeLike) -> dict[str, Any]:
+def verdict(judged: Estimate | Spread, tolerance: float, dtype: DTypeLike) -> dict[str, Any]:
     """Say whether the tolerance is met, and why not."""
     if judged.largest <= tolerance:
         return {"met": True, "reason": ""}
     if np.dtype(dtype) == np.float32 and judged.largest <= 1.2e-7:
         return {"met": False, "reason": "float32 rounds to 6e-8; ask for --dtype float64"}
-    return {
-        "met": False,
-        "reason": (
-            "the rule for cells with kinks or the mirror direction leaves this much; ask for a looser tolerance"
-        ),
-    }
+    return {"met": False, "reason": judged.reason}
 
 
 def _spectral(setup: Setup) -> dict[str, Any] | None:

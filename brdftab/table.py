@@ -31,6 +31,12 @@ _CELL_MEANING = {
 }
 
 
+_BELOW = (
+    "theta above 90 degrees points into the material below; f(i, o)/n_o^2 = f(o, i)/n_i^2, and f |cos(theta_o)| over "
+    "all directions o adds up to the share of the light that is not absorbed; straight through is phi = pi"
+)
+
+
 @dataclass
 class Table:
     """Values of a BRDF over a grid.
@@ -118,15 +124,17 @@ class Table:
     @property
     def convention(self) -> dict[str, str]:
         """What the numbers mean, in words that are stored with the table."""
+        below = {"below": _BELOW} if self.grid.below else {}
         return {
             "quantity": "f",
-            "quantity_meaning": "BRDF value without the cosine of theta_i",
+            "quantity_meaning": f"{'BSDF' if below else 'BRDF'} value without the cosine of theta_i",
             "unit": "1/sr",
             "angle_unit": "radians",
             "theta": "measured from the surface normal; both directions point away from the surface",
             "direction_i": "towards the light",
             "direction_o": "towards the viewer",
             "phi": "phi = phi_o - phi_i: the mirror direction is at pi, the retro direction at 0",
+            **below,
             "azimuth_zero": "x axis, the direction of alpha_x",
             "alpha": "parameters named alpha are the roughness itself, not its square root or square",
             "channels": _colour(self.channels),

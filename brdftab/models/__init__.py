@@ -71,6 +71,8 @@ class Model:
         Which formula was chosen and which misprints were mended, and why.
     ndfs : tuple of str
         Normal distributions that the model takes; empty for models without facets.
+    transmits : bool
+        True where a dielectric (ior) sends light through the surface, so that directions below it count.
     roughness : str
         Name of the roughness parameter; its anisotropic pair ends in ``_x`` and ``_y``.
     """
@@ -86,6 +88,7 @@ class Model:
     errata: str = ""
     singular: bool = False
     multibounce: bool = False
+    transmits: bool = False
     ndfs: tuple[str, ...] = field(default=())
     roughness: str = "alpha"
 

@@ -54,6 +54,11 @@ class Setup:
     max_bounces: int | None = None
 
     @property
+    def transmits(self) -> bool:
+        """True for a dielectric surface that lets light through."""
+        return self.model.transmits and self.fresnel is not None and self.fresnel.kind == builders.DIELECTRIC
+
+    @property
     def isotropic(self) -> bool:
         """True when the BRDF depends on phi_o - phi_i only."""
         return self.alpha_x == self.alpha_y
@@ -263,7 +268,7 @@ def resolve(model: str, **given: Any) -> Setup:
         values=values,
         max_bounces=_cap(checked, values),
     )
-    return settled(setup)  # type: ignore[no-any-return]  # typed loosely to keep the registry free of numpy
+    return settled(setup)
 
 
 def component_names(setup: Setup, orders: int) -> tuple[str, ...]:

@@ -25,6 +25,7 @@ SPEC = Model(
     ),
     components=("order",),
     multibounce=True,
+    transmits=True,
     ndfs=("beckmann", "ggx"),
     citation=(
         "Wang, Jin, Fan, Yang, Holzschuch, Yan: Position-free Multiple-bounce Computations for Smith Microfacet BSDFs, "

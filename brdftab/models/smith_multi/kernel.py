@@ -11,7 +11,6 @@ import numpy as np
 
 from brdftab.models.setup import Setup
 from brdftab.models.smith_multi import dielectric, montecarlo, volterra
-from brdftab.models.smith_multi.settle import transmits
 
 LAYERED = True
 
@@ -20,7 +19,7 @@ def _road(setup: Setup) -> Any:
     """Return the package that evaluates a setup."""
     if setup.values["estimator"] != "solver":
         return montecarlo
-    return dielectric if transmits(setup) else volterra
+    return dielectric if setup.transmits else volterra
 
 
 def points(
@@ -34,7 +33,7 @@ def points(
     tolerance: float,
 ) -> np.ndarray:
     """Evaluate at N pairs of directions (radians); returns (N, P, C) in 1/sr."""
-    return _road(setup).points(setup, theta_i, theta_o, phi, phi_i, orders=orders, tolerance=tolerance)  # type: ignore[no-any-return]
+    return _road(setup).points(setup, theta_i, theta_o, phi, phi_i, orders=orders, tolerance=tolerance)
 
 
 def prepare(setup: Setup, tolerance: float, trial: bool = False, orders: int = 0) -> Any:

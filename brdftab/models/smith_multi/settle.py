@@ -5,15 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from brdftab.errors import ParameterError
-from brdftab.materials.fresnel import DIELECTRIC
 from brdftab.models.setup import Setup
 
 SOLVER_ALPHA = (0.01, 2.0)
-
-
-def transmits(setup: Setup) -> bool:
-    """Tell whether the surface is a dielectric, which transmits what it does not reflect."""
-    return setup.fresnel is not None and setup.fresnel.kind == DIELECTRIC
 
 
 def settle(setup: Setup) -> Setup:
@@ -24,7 +18,7 @@ def settle(setup: Setup) -> Setup:
     ParameterError
         If the estimator does not serve the surface, or sampling options are given to the solver.
     """
-    asked, below = setup.values["estimator"], transmits(setup)
+    asked, below = setup.values["estimator"], setup.transmits
     low, high = SOLVER_ALPHA
     chosen = asked
     if asked == "auto":

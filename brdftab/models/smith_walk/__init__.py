@@ -10,6 +10,7 @@ SPEC = Model(
     params=(*NDF_NO_PHONG, *BOUNDARY_PARAMS, *SAMPLING_PARAMS, MAX_BOUNCES),
     components=("order",),
     multibounce=True,
+    transmits=True,
     ndfs=("beckmann", "ggx"),
     citation=(
         "Heitz, Hanika, d'Eon, Dachsbacher: Multiple-Scattering Microfacet BSDFs with the Smith Model, "
