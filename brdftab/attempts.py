@@ -80,17 +80,18 @@ def _fill_averages(
     total = np.zeros(out.shape)
     part = np.empty(out.shape)
     picks = list(itertools.product(range(nodes), repeat=len(rules)))
+    square = grid.square and engine.setup.model.reciprocal
     half = len(rules) // 2 if not grid.isotropic else 1
     swapped = (0, 2, 1, 3, 4) if grid.isotropic else (0, 3, 4, 1, 2, 5)
     for number, pick in enumerate(picks):
         incoming, outgoing = pick[:half], pick[half : 2 * half]
-        if grid.square and outgoing < incoming:
+        if square and outgoing < incoming:
             continue
         _fill_at(engine, grid, [rule[0][p] for rule, p in zip(rules, pick, strict=True)], part, None)
         for axis, (rule, p) in enumerate(zip(rules, pick, strict=True)):
             part *= np.expand_dims(rule[1][p], tuple(k for k in range(part.ndim) if k != axis + 1))
         total += part
-        if grid.square and outgoing > incoming:
+        if square and outgoing > incoming:
             total += part.transpose(swapped)
         if progress is not None:
             progress((number + 1) / len(picks))

@@ -76,7 +76,7 @@ def _regular(name: str, count: int, cell: str, low: float, high: float) -> dict[
     if cell == "point":
         return {name: np.linspace(low, high, count, endpoint=name not in PERIODIC)}
     # whole steps in degrees first, so that 90 cells sit at 0.5, 1.5, ... degrees to the last bit
-    steps: Array = low + np.arange(2 * count + 1) * ((high - low) / (2 * count))
+    steps = low + np.arange(2 * count + 1, dtype=np.float64) * ((high - low) / (2 * count))
     steps[-1] = high
     return {name: steps[1::2], f"{name}_edges": steps[::2]}
 

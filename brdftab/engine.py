@@ -77,7 +77,7 @@ class Engine:
         self, theta_i: Array, theta_o: Array, phi: Array, out: NDArray[np.floating], progress: Progress | None = None
     ) -> None:
         """Fill out (P, I, O, K, C) on an isotropic product grid; identical theta axes are computed half."""
-        square = bool(np.array_equal(theta_i, theta_o))
+        square = self.setup.model.reciprocal and bool(np.array_equal(theta_i, theta_o))
         if self._prepared is not None:
             self._prepared.fill(theta_i, theta_o, phi, square, out if self._layered else out[0])
             return
@@ -104,7 +104,7 @@ class Engine:
 
         Identical lists are computed half.
         """
-        square = bool(np.array_equal(incoming, outgoing))
+        square = self.setup.model.reciprocal and bool(np.array_equal(incoming, outgoing))
         rows, columns = len(incoming), len(outgoing)
         size = max(1, BLOCK // columns)
         for start in range(0, rows, size):

@@ -71,6 +71,8 @@ class Model:
         Which formula was chosen and which misprints were mended, and why.
     ndfs : tuple of str
         Normal distributions that the model takes; empty for models without facets.
+    reciprocal : bool
+        False where swapping light and view changes the value, so that no half of a grid follows from the other.
     transmits : bool
         True where a dielectric (ior) sends light through the surface, so that directions below it count.
     roughness : str
@@ -89,6 +91,7 @@ class Model:
     singular: bool = False
     multibounce: bool = False
     transmits: bool = False
+    reciprocal: bool = True
     ndfs: tuple[str, ...] = field(default=())
     roughness: str = "alpha"
 

@@ -77,3 +77,13 @@ SAMPLING_PARAMS = (
     Param("seed", "", 0, (0, 2**63 - 1), "seed of estimators; any thread count gives the same numbers", "int"),
     Param("roulette", "", "off", None, "end dim paths of the estimators at random", "choice", ("off", "on")),
 )
+
+SMITH_MASKING = Param(
+    "masking",
+    "",
+    "separable",
+    None,
+    "masking-shadowing of the single bounce",
+    "choice",
+    ("separable", "height-correlated"),
+)

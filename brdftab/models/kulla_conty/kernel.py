@@ -1,0 +1,69 @@
+"""Single bounce and compensation lobe at listed pairs of directions and on product grids."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from brdftab.models.microfacet.energy import average_albedo, average_reflectance, missing
+from brdftab.models.microfacet.masking import MASKINGS
+from brdftab.models.microfacet.single import evaluate_points
+from brdftab.models.microfacet.single_table import SingleBounceTable, build
+from brdftab.models.setup import Setup
+
+
+def strength(setup: Setup) -> np.ndarray:
+    """Return F_ms/(pi (1 - E_avg)) (C,): the lobe is this times 1 - E of both directions."""
+    assert setup.fresnel is not None
+    average = average_albedo(MASKINGS[setup.values["masking"]], setup.ndf, setup.alpha_x)
+    f = average_reflectance(setup.fresnel)
+    lobe = f * f * average / (1.0 - f * (1.0 - average)) / (math.pi * (1.0 - average))
+    return np.asarray(lobe @ setup.fresnel.weights)
+
+
+def lacking(setup: Setup, theta: np.ndarray) -> np.ndarray:
+    """Return 1 - E (N,), the energy that single bounces miss at each polar angle; 0 at the horizon and below."""
+    return missing(setup, MASKINGS[setup.values["masking"]], theta)
+
+
+def points(
+    setup: Setup,
+    theta_i: np.ndarray,
+    theta_o: np.ndarray,
+    phi: np.ndarray,
+    phi_i: np.ndarray,
+    *,
+    orders: int,
+    tolerance: float,
+) -> np.ndarray:
+    """Evaluate at N pairs of directions (radians); returns (N, P, C) in 1/sr, good to 1e-9 for any `tolerance`."""
+    first = evaluate_points(setup, MASKINGS[setup.values["masking"]], theta_i, theta_o, phi, phi_i)
+    product = lacking(setup, theta_i) * lacking(setup, theta_o)
+    lobe = product[:, None, None] * strength(setup)
+    return np.concatenate([first, lobe], axis=1) if orders else first + lobe
+
+
+class Prepared:
+    """Fast product-grid tables: those of the single bounce, and the lobe on top."""
+
+    def __init__(self, setup: Setup, single: SingleBounceTable) -> None:
+        self._setup, self._single = setup, single
+        self._strength = strength(setup)
+
+    def points(self, theta_i: np.ndarray, theta_o: np.ndarray, phi: np.ndarray, phi_i: np.ndarray) -> np.ndarray:
+        """Evaluate at N pairs of directions (radians); returns (N, 1, C) in 1/sr."""
+        return points(self._setup, theta_i, theta_o, phi, phi_i, orders=0, tolerance=0.0)
+
+    def fill(self, theta_i: np.ndarray, theta_o: np.ndarray, phi: np.ndarray, square: bool, out: np.ndarray) -> None:
+        """Fill out (I, O, P, C) on a product grid of radians."""
+        self._single.fill(theta_i, theta_o, phi, square, out)
+        product = np.outer(lacking(self._setup, theta_i), lacking(self._setup, theta_o))
+        out += (product[:, :, None, None] * self._strength).astype(out.dtype)
+
+
+def prepare(setup: Setup, tolerance: float, trial: bool = False) -> Any:
+    """Return the fast product-grid tables, or None where only `points` holds the tolerance."""
+    single = build(setup, MASKINGS[setup.values["masking"]], tolerance)
+    return None if single is None else Prepared(setup, single)

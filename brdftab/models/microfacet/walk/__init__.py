@@ -1,0 +1,1 @@
+"""Random walks on Smith microfacets: random numbers, visible normals, path terms, and the tables made of them."""

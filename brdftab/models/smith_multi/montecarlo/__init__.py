@@ -1,0 +1,84 @@
+"""Estimators of the multiple bounces between Smith microfacets, with standard errors."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brdftab.models.microfacet.walk.estimates import Estimates
+from brdftab.models.microfacet.walk.survey import Road, at_points, on_grid
+from brdftab.models.setup import Setup
+
+__all__ = ["Estimates", "estimate_table", "estimates", "points"]
+
+Array = NDArray[np.float64]
+
+
+def _roads(setup: Setup, tolerance: float) -> list[Road]:
+    """Return how the setup's estimator draws its paths; only its own kernels are imported."""
+    module = importlib.import_module(f"{__name__}.{setup.values['estimator']}")
+    return module.roads(setup, tolerance)  # type: ignore[no-any-return]  # every estimator's module has this function
+
+
+def estimates(
+    setup: Setup, theta_i: Array, theta_o: Array, phi: Array, phi_i: Array, *, orders: int, tolerance: float
+) -> Estimates:
+    """Estimate at N pairs of directions (radians), each with paths of its own.
+
+    Parameters
+    ----------
+    setup : Setup
+        A smith-multi setup whose estimator is pt, bdpt or hybrid.
+    theta_i, theta_o, phi, phi_i : ndarray (N,)
+        Radians; phi = phi_o - phi_i.
+    orders : int
+        0 for the total, else bounce orders up to it are kept apart.
+    tolerance : float
+        Relative standard error where `samples` is not set; see `microfacet.walk.estimates.estimate`.
+
+    Returns
+    -------
+    Estimates
+        values (N, P, C) in 1/sr, standard_error (N, C), samples (N,).
+    """
+    return at_points(setup, _roads(setup, tolerance), (theta_i, theta_o, phi, phi_i), orders, tolerance)
+
+
+def points(
+    setup: Setup, theta_i: Array, theta_o: Array, phi: Array, phi_i: Array, *, orders: int, tolerance: float
+) -> Array:
+    """Return the values (N, P, C) of `estimates`, 1/sr."""
+    return estimates(setup, theta_i, theta_o, phi, phi_i, orders=orders, tolerance=tolerance).values
+
+
+def estimate_table(
+    setup: Setup,
+    axes: dict[str, Array],
+    *,
+    orders: int,
+    tolerance: float,
+    progress: Callable[[float], None] | None = None,
+) -> Estimates:
+    """Estimate on a product grid; pt walks from each direction of light serve all of its views.
+
+    Where both direction lists are identical, one half is drawn and both hold the same estimate: the table is exactly
+    reciprocal.
+
+    Parameters
+    ----------
+    setup, orders, tolerance
+        As in `estimates`.
+    axes : dict of ndarray
+        theta_i, theta_o, phi or theta_i, phi_i, theta_o, phi_o in radians, in this order.
+    progress : callable, optional
+        Called with the finished share of the work.
+
+    Returns
+    -------
+    Estimates
+        values (P, *shape, C) in 1/sr, standard_error (*shape, C), samples (*shape).
+    """
+    return on_grid(setup, _roads(setup, tolerance), axes, orders, tolerance, progress)

@@ -1,0 +1,153 @@
+"""Gauss panels in the elevation, aligned with the table's angles, and the rule inside a panel.
+
+The kernel jumps to 0 where d_z does not increase, so panels end at every angle of the table. A node's own panel is
+integrated from the node upwards on auxiliary Gauss nodes; the unknown is there the polynomial through the panel's nodes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from brdftab.models.smith_multi.volterra.settings import MOST_NODES, Settings
+
+Weight = Callable[[np.ndarray], np.ndarray]
+# a panel is at most this share of its upper end wide, beside what the tolerance asks
+SHARE = 0.5
+# distance of the nearest singularity of what is smooth otherwise, radians
+SMOOTH = 0.7
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Nodes of the unknown on the elevations below the highest source.
+
+    Attributes
+    ----------
+    source : ndarray (T,)
+        Elevations of the table, increasing, radians.
+    beta, weight : ndarray (N,)
+        Nodes, increasing, and their weights of the measure 2 pi cos(beta) dbeta/(|d_z| (1 + Lambda)).
+    first : int64 (P + 1,)
+        Where each panel's nodes begin.
+    active : int64 (P,)
+        The first source above each panel.
+    inner_from, inner_to : ndarray (R,)
+        Auxiliary pairs of a node and a point above it in its panel, node by node.
+    inner : int64 (N + 1,)
+        Where each node's pairs begin.
+    share : ndarray (R, Q)
+        Weight of an auxiliary pair times the panel's cardinal polynomials there.
+    """
+
+    source: np.ndarray
+    beta: np.ndarray
+    weight: np.ndarray
+    first: np.ndarray
+    active: np.ndarray
+    inner_from: np.ndarray
+    inner_to: np.ndarray
+    inner: np.ndarray
+    share: np.ndarray
+
+
+@lru_cache
+def gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return Gauss-Legendre nodes and weights on (-1, 1)."""
+    return np.polynomial.legendre.leggauss(count)
+
+
+def cardinal(x: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return the Lagrange polynomials of the nodes x (Q,) at points (...), shape (..., Q)."""
+    out = np.ones((*points.shape, x.size))
+    for k in range(x.size):
+        for j in range(x.size):
+            if j != k:
+                out[..., k] *= (points - x[j]) / (x[k] - x[j])
+    return out
+
+
+@lru_cache
+def _inner_rule(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return auxiliary points on (x_i, 1), (Q, A), and weight times cardinal polynomials there, (Q, A, Q)."""
+    x, _ = gauss(count)
+    y, v = gauss(count + 2)
+    points = x[:, None] + 0.5 * (1.0 - x[:, None]) * (1.0 + y)
+    return points, cardinal(x, points) * (0.5 * (1.0 - x[:, None]) * v)[:, :, None]
+
+
+def _nodes(ratio: float, setting: Settings) -> int:
+    """Return how many Gauss nodes serve a panel whose nearest singularity is `ratio` half widths away."""
+    ellipse = ratio + math.hypot(ratio, 1.0)
+    return max(setting.nodes, math.ceil(-math.log(setting.panel) / (2.0 * math.log(ellipse))))
+
+
+def split(low: float, high: float, distance: float, setting: Settings) -> tuple[int, int]:
+    """Return into how many equal parts to split a panel, and the nodes of each, for the fewest nodes in all."""
+    half = 0.5 * (high - low)
+    best = (1, 0)
+    parts = 1
+    while True:
+        nodes = _nodes(distance * parts / half, setting)
+        if nodes <= MOST_NODES and (best[1] == 0 or parts * nodes < best[0] * best[1]):
+            best = (parts, nodes)
+        if best[1] and parts * setting.nodes >= best[0] * best[1]:
+            return best
+        parts = parts + 1 if parts < 8 else math.ceil(1.2 * parts)
+
+
+def rule(edges: np.ndarray, alpha: float, setting: Settings, weight: Weight) -> tuple[np.ndarray, ...]:
+    """Return nodes, weights, first node of each panel, ends of panels, and the auxiliary pairs (see `Mesh`).
+
+    Parameters
+    ----------
+    edges : ndarray (E,)
+        Increasing, radians; panels between them are split where the tolerance asks.
+    alpha : float
+        Roughness: the kernel has a ridge of this width where the elevation equals the depression.
+    setting : Settings
+        Sizes.
+    weight : callable
+        1/(|d_z| (1 + Lambda)) of an array of elevations.
+    """
+    distance = min(alpha, SMOOTH)
+    beta, size, first, ends, start, stop, share = [], [], [0], [edges[0]], [], [], []
+    for low, high in zip(edges[:-1], edges[1:], strict=True):
+        parts, count = split(low, high, distance, setting)
+        x, w = gauss(count)
+        points, inner = _inner_rule(count)
+        half = 0.5 * (high - low) / parts
+        for part in range(parts):
+            middle = low + (2 * part + 1) * half
+            beta.append(middle + half * x)
+            size.append(half * w)
+            first.append(first[-1] + count)
+            ends.append(middle + half)
+            start.append(np.repeat(beta[-1], points.shape[1]))
+            stop.append((middle + half * points).reshape(-1))
+            share.append(half * inner.reshape(-1, count))
+    nodes, inner_to = np.concatenate(beta), np.concatenate(stop)
+    widest = max(s.shape[1] for s in share)
+    wide = np.concatenate([np.pad(s, ((0, 0), (0, widest - s.shape[1]))) for s in share])
+    wide *= (2.0 * math.pi * weight(inner_to) * np.cos(inner_to))[:, None]
+    measure = np.concatenate(size) * 2.0 * math.pi * weight(nodes) * np.cos(nodes)
+    return nodes, measure, np.array(first), np.array(ends), np.concatenate(start), inner_to, wide
+
+
+def mesh(source: np.ndarray, alpha: float, setting: Settings, weight: Weight) -> Mesh:
+    """Return the nodes for a table whose elevations are `source` (increasing, in (0, pi/2], radians)."""
+    edges = np.concatenate([[0.0], source])
+    fine = []
+    for low, high in zip(edges[:-1], edges[1:], strict=True):
+        # the modes of a grazing pair decay over its elevation
+        parts = math.ceil(0.5 * (high - low) / (SHARE * high) - 1e-9)
+        fine.append(low + (high - low) * np.arange(parts) / parts)
+    fine.append(edges[-1:])
+    nodes, measure, first, _, start, stop, share = rule(np.concatenate(fine), alpha, setting, weight)
+    active = np.searchsorted(source, nodes[first[:-1]])
+    inner = np.searchsorted(start, nodes)
+    return Mesh(source, nodes, measure, first, active, start, stop, np.append(inner, start.size), share)

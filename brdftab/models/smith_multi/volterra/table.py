@@ -1,0 +1,242 @@
+"""Tables on product grids: single bounce in closed form, all further bounces from the solved modes."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numba
+import numpy as np
+
+from brdftab.jit import kernel, parallel_kernel
+from brdftab.models.microfacet.fresnel import multiply
+from brdftab.models.microfacet.project import arguments, thinned
+from brdftab.models.microfacet.single import HORIZON
+from brdftab.models.setup import Setup
+from brdftab.models.smith_multi.volterra import ggx
+from brdftab.models.smith_multi.volterra.orders import Orders, orders, synthesis
+from brdftab.models.smith_multi.volterra.panels import mesh
+from brdftab.models.smith_multi.volterra.settings import Settings, settings
+from brdftab.models.smith_multi.volterra.solve import Coefficients, solve
+
+# azimuth modes of a table end here at the latest
+MOST_MODES = 2.0**18
+# lower elevations are taken as this one for the bounces from two on, radians
+LOWEST = 1e-6
+
+
+def distribution(setup: Setup) -> Any:
+    """Return the module of a setup's normal distribution."""
+    return ggx
+
+
+@kernel
+def _single(ndf, a2, t):
+    """Return D/4 at tan^2 theta_h = t."""
+    up = 1.0 + t
+    if ndf == 1:
+        ratio = up / (a2 + t)
+        return 0.25 * a2 / math.pi * ratio * ratio
+    return 0.25 * math.exp(-t / a2) * up * up / (math.pi * a2)
+
+
+@kernel
+def _synthesise(values, offset, size, matrix, a, b, count, acc):
+    """Fill acc (L, W, F) with the sums over the first orders of a pair of sources."""
+    azimuths = matrix.shape[1]
+    for l in range(values.shape[0]):
+        for w in range(values.shape[1]):
+            for f in range(azimuths):
+                acc[l, w, f] = 0.0
+            s = 0
+            while s + 4 <= count:
+                c0 = values[l, w, offset[s] + a * size[s] + b]
+                c1 = values[l, w, offset[s + 1] + a * size[s + 1] + b]
+                c2 = values[l, w, offset[s + 2] + a * size[s + 2] + b]
+                c3 = values[l, w, offset[s + 3] + a * size[s + 3] + b]
+                for f in range(azimuths):
+                    acc[l, w, f] += (
+                        c0 * matrix[s, f] + c1 * matrix[s + 1, f] + (c2 * matrix[s + 2, f] + c3 * matrix[s + 3, f])
+                    )
+                s += 4
+            while s < count:
+                c0 = values[l, w, offset[s] + a * size[s] + b]
+                for f in range(azimuths):
+                    acc[l, w, f] += c0 * matrix[s, f]
+                s += 1
+
+
+@kernel
+def _combine(surface, beta_a, beta_b, front, lift, acc, weights, row, layered, cells):
+    """Fill cells (P, F, C) with single bounce and projected further bounces; return how many sums were below 0."""
+    ndf, a2, kind, fa, fb, table, single_weights = surface
+    clamped = 0
+    tangent = math.tan(0.5 * (beta_a - beta_b))
+    up = math.sin(beta_a) + math.sin(beta_b)
+    slope = 2.0 * math.cos(beta_a) * math.cos(beta_b) / (up * up)
+    channels = single_weights.shape[1]
+    for f in range(lift.size):
+        t = tangent * tangent + slope * lift[f]
+        value = front * _single(ndf, a2, t)
+        for w in range(row.size):
+            row[w] = value
+        multiply(kind, fa, fb, table, 0.5 * up * math.sqrt(1.0 + t), row)
+        for c in range(channels):
+            total = 0.0
+            for w in range(row.size):
+                total += row[w] * single_weights[w, c]
+            cells[0, f, c] = total
+        for l in range(acc.shape[0]):
+            at = l + 1 if layered else 0
+            for w in range(acc.shape[1]):
+                if acc[l, w, f] < 0.0:
+                    clamped += 1
+                    acc[l, w, f] = 0.0
+            for c in range(channels):
+                total = 0.0
+                for w in range(acc.shape[1]):
+                    total += acc[l, w, f] * weights[w, c]
+                if layered:
+                    cells[at, f, c] = front * total
+                else:
+                    cells[0, f, c] += front * total
+    return clamped
+
+
+@parallel_kernel
+def _fill(
+    rows, columns, square, source, gain, reached, lowest, solved, matrix, lift, place, surface, weights, out, clamped
+):
+    """Fill out (P, I, O, F, C); rows and columns tell the source of each polar angle, -1 below the horizon."""
+    values, offset, size = solved
+    layered = out.shape[0] > 1 or values.shape[0] == 0
+    azimuths, channels = out.shape[3], out.shape[4]
+    for i in numba.prange(rows.size):
+        acc = np.empty((values.shape[0], values.shape[1], matrix.shape[1]))
+        cells = np.empty((out.shape[0], matrix.shape[1], channels))
+        row = np.empty(surface[3].size)
+        # long and short rows of the triangle take turns
+        at = rows.size - 1 - i
+        for o in range(at + 1 if square else columns.size):
+            a, b = max(rows[at], columns[o]), min(rows[at], columns[o])
+            if b < 0:
+                for p in range(out.shape[0]):
+                    for f in range(azimuths):
+                        for c in range(channels):
+                            out[p, at, o, f, c] = 0.0
+                            if square:
+                                out[p, o, at, f, c] = 0.0
+                continue
+            count = 0
+            while count < offset.size and size[count] > a and lowest[count] < reached[a, b]:
+                count += 1
+            _synthesise(values, offset, size, matrix, a, b, count, acc)
+            clamped[at] += _combine(
+                surface, source[a], source[b], gain[a] * gain[b], lift, acc, weights, row, layered, cells
+            )
+            for p in range(out.shape[0]):
+                for f in range(azimuths):
+                    for c in range(channels):
+                        out[p, at, o, f, c] = cells[p, place[f], c]
+                        if square:
+                            out[p, o, at, f, c] = cells[p, place[f], c]
+
+
+def elevations(*thetas: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Return the distinct elevations above the horizon, increasing, and each angle's place among them (-1 below)."""
+    every = np.concatenate(thetas)
+    above = np.cos(every) > HORIZON
+    distinct, inverse = np.unique(0.5 * math.pi - every[above], return_inverse=True)
+    place = np.full(every.size, -1, np.int64)
+    place[above] = inverse
+    return distinct, np.split(place, np.cumsum([t.size for t in thetas])[:-1])
+
+
+def solved_sources(
+    setup: Setup, setting: Settings, source: np.ndarray, layers: int, largest: float, fitted: Any
+) -> tuple[Coefficients, Orders]:
+    """Return the modes up to `largest` of all pairs of elevations, and the orders they belong to."""
+    ndf, alpha = distribution(setup), setup.alpha_x
+    chosen = orders(largest, MOST_MODES, setting)
+    if setup.max_bounces == 1:
+        none = np.zeros(chosen.nodes.size, np.int64)
+        return Coefficients(np.empty((0, fitted.constant.size, 0)), none, none), chosen
+    raised = np.maximum(source, LOWEST)
+    nodes = mesh(raised, alpha, setting, lambda beta: ndf.weight(beta, alpha))
+    return solve(ndf, nodes, alpha, fitted, chosen, setting.decay, layers, setup.max_bounces), chosen
+
+
+def reached(setup: Setup, setting: Settings, source: np.ndarray) -> np.ndarray:
+    """Return the azimuth order that each pair of elevations needs, (T, T)."""
+    raised = np.maximum(source, LOWEST)
+    needed = distribution(setup).reach(setup.alpha_x, raised[:, None], raised[None], setting.decay)
+    return np.ascontiguousarray(np.broadcast_to(needed, (source.size, source.size)))
+
+
+def fitted_fresnel(setup: Setup, setting: Settings) -> tuple[Any, np.ndarray]:
+    """Return the reflectance of the bounces from two on, as the distribution's module fits it, and its weights (W, C)."""
+    fresnel = thinned(setup, 0.3 * setting.tolerance)
+    fitted = distribution(setup).fit(fresnel.kind, fresnel.a, fresnel.b, setting.poles)
+    return fitted, np.ascontiguousarray(fresnel.weights)
+
+
+class Prepared:
+    """An isotropic reflecting setup, ready for points and product grids.
+
+    Attributes
+    ----------
+    clamped : int
+        Sums over modes below 0 that the last `fill` set to 0.
+    """
+
+    def __init__(self, setup: Setup, tolerance: float, trial: bool = False, orders: int = 0) -> None:
+        self._setup, self._orders = setup, orders
+        self._setting = settings(tolerance, trial)
+        self.clamped = 0
+
+    def points(self, theta_i: np.ndarray, theta_o: np.ndarray, phi: np.ndarray, phi_i: np.ndarray) -> np.ndarray:
+        """Evaluate at N pairs of directions (radians); returns (N, P, C) in 1/sr."""
+        from brdftab.models.smith_multi.volterra.points import evaluate
+
+        return evaluate(self._setup, theta_i, theta_o, phi, phi_i, self._orders, self._setting)
+
+    def fill(self, theta_i: np.ndarray, theta_o: np.ndarray, phi: np.ndarray, square: bool, out: np.ndarray) -> None:
+        """Fill out (P, I, O, F, C), float32 or float64, on a product grid of radians, in 1/sr.
+
+        A square grid (both polar axes identical) is computed half and mirrored; at the horizon and below it is 0.
+        """
+        setup, setting = self._setup, self._setting
+        assert setup.fresnel is not None
+        source, (rows, columns) = elevations(theta_i, theta_o)
+        fitted, weights = fitted_fresnel(setup, setting)
+        lift, place = np.unique(np.round(2.0 * np.cos(0.5 * phi) ** 2, 14), return_inverse=True)
+        forward = 2.0 * np.arccos(np.sqrt(0.5 * lift))
+        if source.size == 0 or phi.size == 0:
+            out[:] = 0.0
+            return
+        layers = max(0, self._orders - 1)
+        needed = reached(setup, setting, source)
+        solved, chosen = solved_sources(setup, setting, source, layers, float(needed.max()), fitted)
+        matrix = synthesis(chosen, forward)
+        surface = (setup.ndf, setup.alpha_x**2, *arguments(setup.fresnel, setting.tolerance), setup.fresnel.weights)
+        clamped = np.zeros(theta_i.size, np.int64)
+        gain = distribution(setup).weight(source, setup.alpha_x)
+        modes = (solved.values, solved.offset, solved.size)
+        _fill(
+            rows,
+            columns,
+            square,
+            source,
+            gain,
+            needed,
+            chosen.lowest,
+            modes,
+            matrix,
+            lift,
+            place,
+            surface,
+            weights,
+            out,
+            clamped,
+        )
+        self.clamped = int(clamped.sum())
