@@ -5,21 +5,20 @@ volterra/: the noise-free solver of reflecting surfaces; dielectric/: that of di
 
 from __future__ import annotations
 
+import importlib
 from typing import Any
 
 import numpy as np
 
 from brdftab.models.setup import Setup
-from brdftab.models.smith_multi import dielectric, montecarlo, volterra
 
 LAYERED = True
 
 
 def _road(setup: Setup) -> Any:
-    """Return the package that evaluates a setup."""
-    if setup.values["estimator"] != "solver":
-        return montecarlo
-    return dielectric if setup.transmits else volterra
+    """Return the package that evaluates a setup; the others are not loaded."""
+    name = "montecarlo" if stochastic(setup) else ("dielectric" if setup.transmits else "volterra")
+    return importlib.import_module(f"brdftab.models.smith_multi.{name}")
 
 
 def points(
@@ -53,9 +52,9 @@ def stochastic(setup: Setup) -> bool:
 
 def estimates(setup: Setup, *angles: np.ndarray, orders: int, tolerance: float) -> Any:
     """Return values with standard errors at N pairs of directions, see `montecarlo.estimates`."""
-    return montecarlo.estimates(setup, *angles, orders=orders, tolerance=tolerance)
+    return _road(setup).estimates(setup, *angles, orders=orders, tolerance=tolerance)
 
 
 def estimate_table(setup: Setup, axes: dict[str, np.ndarray], **options: Any) -> Any:
     """Return values with standard errors on a product grid, see `montecarlo.estimate_table`."""
-    return montecarlo.estimate_table(setup, axes, **options)
+    return _road(setup).estimate_table(setup, axes, **options)
