@@ -12,6 +12,7 @@ from brdftab import models
 from brdftab._version import __version__
 
 if TYPE_CHECKING:
+    from brdftab.albedos import AlbedoTable, read_albedo, tabulate_albedo, write_albedo
     from brdftab.comparison import compare
     from brdftab.evaluation import evaluate
     from brdftab.fitting.result import FitResult
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from brdftab.tabulation import tabulate
 
 _HOMES = {
+    "AlbedoTable": "brdftab.albedos",
     "FitResult": "brdftab.fitting.result",
     "Grid": "brdftab.grid",
     "Table": "brdftab.table",
@@ -33,12 +35,16 @@ _HOMES = {
     "fit": "brdftab.fitting.run",
     "pdf": "brdftab.sampling",
     "read": "brdftab.io",
+    "read_albedo": "brdftab.albedos",
     "sample": "brdftab.sampling",
     "tabulate": "brdftab.tabulation",
+    "tabulate_albedo": "brdftab.albedos",
     "write": "brdftab.io",
+    "write_albedo": "brdftab.albedos",
 }
 
 __all__ = [
+    "AlbedoTable",
     "FitResult",
     "Grid",
     "Table",
@@ -50,9 +56,12 @@ __all__ = [
     "models",
     "pdf",
     "read",
+    "read_albedo",
     "sample",
     "tabulate",
+    "tabulate_albedo",
     "write",
+    "write_albedo",
 ]
 
 

@@ -13,6 +13,7 @@ from brdftab._version import __version__
 from brdftab.errors import BrdftabError
 
 _COMMANDS = {
+    "albedo": "brdftab.cli.albedo:albedo",
     "compare": "brdftab.cli.files:compare",
     "eval": "brdftab.cli.values:evaluate",
     "fit": "brdftab.cli.fitting:fit",

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
-import sys
 import time
-from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from brdftab.cli.options import given_parameters, model_options
+from brdftab.cli.progress import progress_bar
 
 if TYPE_CHECKING:
     from brdftab.table import Table
@@ -144,7 +142,7 @@ def tabulate(
     _tell_compiling(model)
     from brdftab.tabulation import tabulate as run
 
-    with _progress() as report:
+    with progress_bar("tabulating") as report:
         table = run(
             model,
             axes or grid,
@@ -159,20 +157,6 @@ def tabulate(
     for path in paths:
         write(table, path, overwrite=overwrite)
     _summary(table, paths, time.perf_counter() - started, as_json)
-
-
-@contextlib.contextmanager
-def _progress() -> Iterator[Callable[[float], None] | None]:
-    """Show a progress bar on stderr when it is a terminal."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("tabulating", total=1.0)
-        yield lambda share: bar.update(task, completed=share)
 
 
 def _summary(table: Table, paths: tuple[str, ...], wall: float, as_json: bool) -> None:

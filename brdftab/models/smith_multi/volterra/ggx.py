@@ -4,7 +4,8 @@ With X = |d' - d|^2 = u + 2 s s' (1 - cos phi), u = 4 sin^2((beta' - beta)/2), t
 a^2/(4 pi) F(X) X^2/(X - b)^2, b = (1 - a^2) (d'_z - d_z)^2 = u (1 - a^2) cos^2((beta' + beta)/2). Partial fractions of
 F = f0 + sum f_j/(X + x_j) leave Poisson kernels, whose modes are exp(-m eta)/S and its derivative:
 
-    K_m = a^2/(4 pi) [f0 delta_m0 + exp(-m eta) (G/S + A (m/S^2 + C/S^3)) + sum_j f_j (x_j/(x_j + b))^2 exp(-m eta_j)/S_j],
+    K_m = a^2/(4 pi) [f0 delta_m0 + exp(-m eta) (G/S + A (m/S^2 + C/S^3))
+          + sum_j f_j (x_j/(x_j + b))^2 exp(-m eta_j)/S_j],
     A = b^2 F(b), G = 2 b F(b) + b^2 F'(b), c = u - b, C = c + 2 s s', S^2 = c (c + 4 s s'),
     eta = 2 asinh(sqrt(c/(s s'))/2), and S_j, eta_j the same with u + x_j in place of c.
 
@@ -22,7 +23,7 @@ from brdftab.jit import kernel, parallel_kernel
 from brdftab.models.microfacet.single_rows import exponential, log_one_plus
 from brdftab.models.smith_multi.volterra.poles import Fit, fit
 
-__all__ = ["Fit", "fit", "largest_mode", "modes", "pairs", "reach", "weight"]
+__all__ = ["Fit", "fit", "modes", "pairs", "reach", "weight"]
 
 # exponents are cut here: exp(-200) is nothing, and products of three such numbers still are normal numbers
 DEEPEST = 200.0
@@ -204,11 +205,6 @@ def reach(alpha: float, beta_a: np.ndarray, beta_b: np.ndarray, decay: float) ->
     c = u * (flat + alpha * alpha * (1.0 - flat))
     ss = np.maximum(np.cos(beta_a) * np.cos(beta_b), 1e-300)
     return decay / (2.0 * np.arcsinh(0.5 * np.sqrt(c / ss)))
-
-
-def largest_mode(alpha: float, beta: float, decay: float) -> float:
-    """Return how many azimuth modes a table needs whose smallest elevation is beta (radians)."""
-    return float(decay / (2.0 * math.asinh(alpha * math.tan(beta))))
 
 
 def weight(beta: np.ndarray, alpha: float) -> np.ndarray:

@@ -14,7 +14,6 @@ import numba
 import numpy as np
 
 from brdftab.jit import kernel, parallel_kernel
-from brdftab.models.smith_multi.volterra.settings import Settings
 
 BLOCK = 64
 CHUNK = 1 << 15
@@ -55,9 +54,8 @@ def _chebyshev(count: int) -> np.ndarray:
     return -np.cos((2 * np.arange(count) + 1) * math.pi / (2 * count))
 
 
-def orders(largest: float, cap: float, setting: Settings) -> Orders:
-    """Return the orders to solve for all modes up to `largest`, at most up to `cap`."""
-    dense, count = setting.dense, setting.chebyshev
+def orders(largest: float, cap: float, dense: int, count: int) -> Orders:
+    """Return the orders to solve for all modes up to `largest`, at most up to `cap`, `count` of them in an octave."""
     nodes, lowest = [np.arange(dense, dtype=np.float64)], [np.arange(dense, dtype=np.float64)]
     low, stop = dense - 0.5, min(largest, cap)
     while low < stop:
@@ -119,7 +117,7 @@ def _synthesis(dense: int, count: int, octaves: int, taper: float, azimuths: byt
 
 
 def synthesis(chosen: Orders, phi: np.ndarray) -> np.ndarray:
-    """Return (S, F): a function of azimuth at phi is sum_s M_s out[s], M_s its modes at the nodes; phi = pi is forward."""
+    """Return (S, F): a function of the azimuth phi is sum_s M_s out[s], M_s its modes at the nodes; pi is forward."""
     return _synthesis(chosen.dense, chosen.chebyshev, chosen.octaves, chosen.taper, phi.tobytes())
 
 

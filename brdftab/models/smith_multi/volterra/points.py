@@ -1,4 +1,4 @@
-"""Values at listed pairs of directions: pairs are grouped, each group is solved on panels aligned with its own angles."""
+"""Values at listed pairs of directions, in groups that are solved on panels aligned with their own angles."""
 
 from __future__ import annotations
 
@@ -60,8 +60,8 @@ def evaluate(
         1/sr.
     """
     single = evaluate_points(setup, SEPARABLE, theta_i, theta_o, phi, phi_i)[:, 0]
-    layers = len(component_names(setup, orders)) if orders else 1
-    out = np.zeros((theta_i.size, layers, single.shape[1]))
+    parts = len(component_names(setup, orders)) if orders else 1
+    out = np.zeros((theta_i.size, parts, single.shape[1]))
     out[:, 0] = single
     above = np.flatnonzero(np.minimum(np.cos(theta_i), np.cos(theta_o)) > HORIZON)
     if setup.max_bounces == 1 or above.size == 0:
@@ -72,8 +72,10 @@ def evaluate(
     for group in _groups(low, high):
         source, place = np.unique(np.stack([low[group], high[group]]), return_inverse=True)
         a, b = place.reshape(2, -1)
-        needed = reached(setup, setting, source)[a, b]
-        solved, chosen = solved_sources(setup, setting, source, max(0, orders - 1), float(needed.max()), fitted)
+        every = reached(setup, setting, source)
+        needed = every[a, b]
+        layers = max(0, orders - 1)
+        solved, chosen = solved_sources(setup, setting, source, layers, every, float(needed.max()), fitted)
         shape = solved.values.shape[:2]
         values = np.zeros((*shape, group.size, chosen.nodes.size))
         for s in range(chosen.nodes.size):

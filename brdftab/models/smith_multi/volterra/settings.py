@@ -9,6 +9,8 @@ from dataclasses import dataclass
 FINEST = 1e-10
 # most Gauss nodes a panel; wider ones are split
 MOST_NODES = 12
+# elevation of the last row of a table of one degree, for which the modes were calibrated
+USUAL = math.tan(math.radians(0.5))
 
 
 @dataclass(frozen=True)
@@ -23,12 +25,10 @@ class Settings:
         Least Gauss nodes a panel.
     panel : float
         Error asked of the Gauss rule of a panel.
+    share : float
+        Half a panel is at most this share of its upper end: the modes of a grazing pair decay over its elevation.
     dense : int
         Azimuth modes 0 .. dense - 1 are solved one by one.
-    chebyshev : int
-        Modes solved in each octave above.
-    decay : float
-        A mode is left out where exp(-decay) bounds it, relative to mode 0.
     poles : float
         Error asked of the fit of the reflectance.
     """
@@ -36,14 +36,30 @@ class Settings:
     tolerance: float
     nodes: int
     panel: float
+    share: float
     dense: int
-    chebyshev: int
-    decay: float
     poles: float
+
+    def chebyshev(self, alpha: float, lowest: float) -> int:
+        """Return how many modes are solved in an octave, for a roughness and the lowest elevation (radians).
+
+        A narrow peak stands over faint azimuths, whose relative error its interpolation must not spoil.
+        """
+        faint = -2.2 * math.log10(_sharpness(alpha, lowest))
+        return max(4, min(26, math.ceil(8.0 + 1.63 * (faint - 6.5 - math.log10(self.tolerance)))))
+
+    def decay(self, alpha: float, lowest: float) -> float:
+        """Return the exponent from which on modes are left out, likewise."""
+        return max(6.0, 1.0 - math.log(self.tolerance) - 2.2 * math.log(_sharpness(alpha, lowest)))
+
+
+def _sharpness(alpha: float, lowest: float) -> float:
+    """Return the width of the narrowest azimuth peak in units of that of alpha = 1 on the usual grid, at most 1."""
+    return min(1.0, alpha * min(1.0, math.tan(lowest) / USUAL))
 
 
 def settings(tolerance: float, trial: bool = False) -> Settings:
-    """Return the sizes for a relative tolerance of a cell; every factor of 100 adds a node to each panel.
+    """Return the sizes for a relative tolerance of a cell; below 1e-3 every factor of 100 adds a node to each panel.
 
     Parameters
     ----------
@@ -56,10 +72,9 @@ def settings(tolerance: float, trial: bool = False) -> Settings:
     digits = -math.log10(asked)
     return Settings(
         tolerance=asked,
-        nodes=1 + int(0.5 * digits + 0.15),
-        panel=0.3 * asked,
+        nodes=max(1, int(0.5 * digits - 0.45)),
+        panel=0.7 * asked,
+        share=0.5 if asked > 5e-4 else 0.25,
         dense=max(16, min(32, 8 + int(6.0 * digits))),
-        chebyshev=4 + round(1.2 * digits),
-        decay=6.0 + 2.0 * digits,
         poles=asked,
     )

@@ -82,7 +82,7 @@ def _climb(up, up_source, within, nodes, z):
     """Fill z (N, T) with the weighted unknown w z_o at the nodes, from the highest panel down."""
     weight, first, active, starts, inner, share = nodes
     total = weight.size
-    block, row = np.empty((share.shape[1], share.shape[1])), np.empty(total)
+    block = np.empty((share.shape[1], share.shape[1]))
     solved = np.empty((share.shape[1], z.shape[1]))
     for p in range(first.size - 2, -1, -1):
         low, high, lowest = first[p], first[p + 1], active[p]
@@ -245,14 +245,11 @@ def _arguments(part: Mesh) -> tuple[np.ndarray, ...]:
     return part.weight, part.first, part.active, starts, part.inner, part.share
 
 
-def _reached(ndf: Any, alpha: float, source: np.ndarray, decay: float) -> np.ndarray:
-    """Return the largest order that any pair of each source and a lower one needs, (T,)."""
-    every = np.broadcast_to(ndf.reach(alpha, source[:, None], source, decay), (source.size, source.size))
-    return np.asarray(np.tril(every).max(axis=1))
-
-
 def _chunks(mesh: Mesh, chosen: Orders, waves: int, reached: np.ndarray) -> list[tuple[int, int, int]]:
-    """Return (first order, last order, sources) of chunks of orders that are solved together."""
+    """Return (first order, last order, sources) of chunks of orders that are solved together.
+
+    `reached` (T,) is the largest order that any pair of each source and a lower one needs.
+    """
     found = []
     start = 0
     while start < chosen.nodes.size:
@@ -273,7 +270,7 @@ def _chunks(mesh: Mesh, chosen: Orders, waves: int, reached: np.ndarray) -> list
 
 
 def solve(
-    ndf: Any, mesh: Mesh, alpha: float, fitted: Any, chosen: Orders, decay: float, layers: int, cap: int | None
+    ndf: Any, mesh: Mesh, alpha: float, fitted: Any, chosen: Orders, needed: np.ndarray, layers: int, cap: int | None
 ) -> Coefficients:
     """Return the modes of all bounces from two on, of every pair of sources.
 
@@ -289,16 +286,16 @@ def solve(
         The reflectance, as that module fits it.
     chosen : Orders
         Orders to solve.
-    decay : float
-        Modes below exp(-decay) are left out.
+    needed : ndarray (T, T)
+        Order from which on the modes of a pair of sources are negligible.
     layers : int
-        0 for the sum in one layer; else bounces 2 .. layers + 1 in one layer each, and what remains in a last one unless
-        `cap` bounces end before.
+        0 for the sum in one layer; else bounces 2 .. layers + 1 in one layer each, and what remains in a last one
+        unless `cap` bounces end before.
     cap : int or None
         Largest number of bounces.
     """
     waves = fitted.constant.size
-    chunks = _chunks(mesh, chosen, waves, _reached(ndf, alpha, mesh.source, decay))
+    chunks = _chunks(mesh, chosen, waves, np.tril(needed).max(axis=1))
     size = np.zeros(chosen.nodes.size, np.int64)
     for start, stop, sources in chunks:
         size[start:stop] = sources

@@ -10,10 +10,11 @@ import numpy as np
 
 from brdftab.jit import kernel, parallel_kernel
 from brdftab.models.microfacet.fresnel import multiply
+from brdftab.models.microfacet.ndf import GGX
 from brdftab.models.microfacet.project import arguments, thinned
 from brdftab.models.microfacet.single import HORIZON
 from brdftab.models.setup import Setup
-from brdftab.models.smith_multi.volterra import ggx
+from brdftab.models.smith_multi.volterra import beckmann, ggx
 from brdftab.models.smith_multi.volterra.orders import Orders, orders, synthesis
 from brdftab.models.smith_multi.volterra.panels import mesh
 from brdftab.models.smith_multi.volterra.settings import Settings, settings
@@ -27,7 +28,7 @@ LOWEST = 1e-6
 
 def distribution(setup: Setup) -> Any:
     """Return the module of a setup's normal distribution."""
-    return ggx
+    return ggx if setup.ndf == GGX else beckmann
 
 
 @kernel
@@ -44,25 +45,25 @@ def _single(ndf, a2, t):
 def _synthesise(values, offset, size, matrix, a, b, count, acc):
     """Fill acc (L, W, F) with the sums over the first orders of a pair of sources."""
     azimuths = matrix.shape[1]
-    for l in range(values.shape[0]):
+    for n in range(values.shape[0]):
         for w in range(values.shape[1]):
             for f in range(azimuths):
-                acc[l, w, f] = 0.0
+                acc[n, w, f] = 0.0
             s = 0
             while s + 4 <= count:
-                c0 = values[l, w, offset[s] + a * size[s] + b]
-                c1 = values[l, w, offset[s + 1] + a * size[s + 1] + b]
-                c2 = values[l, w, offset[s + 2] + a * size[s + 2] + b]
-                c3 = values[l, w, offset[s + 3] + a * size[s + 3] + b]
+                c0 = values[n, w, offset[s] + a * size[s] + b]
+                c1 = values[n, w, offset[s + 1] + a * size[s + 1] + b]
+                c2 = values[n, w, offset[s + 2] + a * size[s + 2] + b]
+                c3 = values[n, w, offset[s + 3] + a * size[s + 3] + b]
                 for f in range(azimuths):
-                    acc[l, w, f] += (
+                    acc[n, w, f] += (
                         c0 * matrix[s, f] + c1 * matrix[s + 1, f] + (c2 * matrix[s + 2, f] + c3 * matrix[s + 3, f])
                     )
                 s += 4
             while s < count:
-                c0 = values[l, w, offset[s] + a * size[s] + b]
+                c0 = values[n, w, offset[s] + a * size[s] + b]
                 for f in range(azimuths):
-                    acc[l, w, f] += c0 * matrix[s, f]
+                    acc[n, w, f] += c0 * matrix[s, f]
                 s += 1
 
 
@@ -86,16 +87,16 @@ def _combine(surface, beta_a, beta_b, front, lift, acc, weights, row, layered, c
             for w in range(row.size):
                 total += row[w] * single_weights[w, c]
             cells[0, f, c] = total
-        for l in range(acc.shape[0]):
-            at = l + 1 if layered else 0
+        for n in range(acc.shape[0]):
+            at = n + 1 if layered else 0
             for w in range(acc.shape[1]):
-                if acc[l, w, f] < 0.0:
+                if acc[n, w, f] < 0.0:
                     clamped += 1
-                    acc[l, w, f] = 0.0
+                    acc[n, w, f] = 0.0
             for c in range(channels):
                 total = 0.0
                 for w in range(acc.shape[1]):
-                    total += acc[l, w, f] * weights[w, c]
+                    total += acc[n, w, f] * weights[w, c]
                 if layered:
                     cells[at, f, c] = front * total
                 else:
@@ -104,9 +105,7 @@ def _combine(surface, beta_a, beta_b, front, lift, acc, weights, row, layered, c
 
 
 @parallel_kernel
-def _fill(
-    rows, columns, square, source, gain, reached, lowest, solved, matrix, lift, place, surface, weights, out, clamped
-):
+def _fill(rows, columns, square, source, gain, reached, lowest, solved, matrix, lift, place, surface, weights, out, clamped):
     """Fill out (P, I, O, F, C); rows and columns tell the source of each polar angle, -1 below the horizon."""
     values, offset, size = solved
     layered = out.shape[0] > 1 or values.shape[0] == 0
@@ -152,29 +151,33 @@ def elevations(*thetas: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
     return distinct, np.split(place, np.cumsum([t.size for t in thetas])[:-1])
 
 
-def solved_sources(
-    setup: Setup, setting: Settings, source: np.ndarray, layers: int, largest: float, fitted: Any
-) -> tuple[Coefficients, Orders]:
-    """Return the modes up to `largest` of all pairs of elevations, and the orders they belong to."""
-    ndf, alpha = distribution(setup), setup.alpha_x
-    chosen = orders(largest, MOST_MODES, setting)
-    if setup.max_bounces == 1:
-        none = np.zeros(chosen.nodes.size, np.int64)
-        return Coefficients(np.empty((0, fitted.constant.size, 0)), none, none), chosen
-    raised = np.maximum(source, LOWEST)
-    nodes = mesh(raised, alpha, setting, lambda beta: ndf.weight(beta, alpha))
-    return solve(ndf, nodes, alpha, fitted, chosen, setting.decay, layers, setup.max_bounces), chosen
-
-
 def reached(setup: Setup, setting: Settings, source: np.ndarray) -> np.ndarray:
     """Return the azimuth order that each pair of elevations needs, (T, T)."""
-    raised = np.maximum(source, LOWEST)
-    needed = distribution(setup).reach(setup.alpha_x, raised[:, None], raised[None], setting.decay)
+    alpha, raised = setup.alpha_x, np.maximum(source, LOWEST)
+    decay = setting.decay(alpha, float(raised[0]))
+    needed = distribution(setup).reach(alpha, raised[:, None], raised[None], decay)
     return np.ascontiguousarray(np.broadcast_to(needed, (source.size, source.size)))
 
 
+def solved_sources(
+    setup: Setup, setting: Settings, source: np.ndarray, layers: int, needed: np.ndarray, largest: float, fitted: Any
+) -> tuple[Coefficients, Orders]:
+    """Return the modes up to `largest` of all pairs of elevations, and the orders they belong to.
+
+    `needed` is from `reached`; `layers` as in `solve`.
+    """
+    ndf, alpha = distribution(setup), setup.alpha_x
+    raised = np.maximum(source, LOWEST)
+    chosen = orders(largest, MOST_MODES, setting.dense, setting.chebyshev(alpha, float(raised[0])))
+    if setup.max_bounces == 1:
+        none = np.zeros(chosen.nodes.size, np.int64)
+        return Coefficients(np.empty((0, fitted.constant.size, 0)), none, none), chosen
+    nodes = mesh(raised, alpha, setting, lambda beta: ndf.weight(beta, alpha))
+    return solve(ndf, nodes, alpha, fitted, chosen, needed, layers, setup.max_bounces), chosen
+
+
 def fitted_fresnel(setup: Setup, setting: Settings) -> tuple[Any, np.ndarray]:
-    """Return the reflectance of the bounces from two on, as the distribution's module fits it, and its weights (W, C)."""
+    """Return the reflectance of the bounces from two on, as the module of the distribution fits it, and its weights."""
     fresnel = thinned(setup, 0.3 * setting.tolerance)
     fitted = distribution(setup).fit(fresnel.kind, fresnel.a, fresnel.b, setting.poles)
     return fitted, np.ascontiguousarray(fresnel.weights)
@@ -216,27 +219,14 @@ class Prepared:
             return
         layers = max(0, self._orders - 1)
         needed = reached(setup, setting, source)
-        solved, chosen = solved_sources(setup, setting, source, layers, float(needed.max()), fitted)
+        solved, chosen = solved_sources(setup, setting, source, layers, needed, float(needed.max()), fitted)
         matrix = synthesis(chosen, forward)
         surface = (setup.ndf, setup.alpha_x**2, *arguments(setup.fresnel, setting.tolerance), setup.fresnel.weights)
         clamped = np.zeros(theta_i.size, np.int64)
         gain = distribution(setup).weight(source, setup.alpha_x)
         modes = (solved.values, solved.offset, solved.size)
         _fill(
-            rows,
-            columns,
-            square,
-            source,
-            gain,
-            needed,
-            chosen.lowest,
-            modes,
-            matrix,
-            lift,
-            place,
-            surface,
-            weights,
-            out,
-            clamped,
+            rows, columns, square, source, gain, needed, chosen.lowest, modes, matrix, lift, place, surface, weights,
+            out, clamped,
         )
         self.clamped = int(clamped.sum())

@@ -1,0 +1,273 @@
+"""Tables of directional and average albedo over cosine and roughness, which renderers take for energy compensation."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brdftab import models
+from brdftab._version import __version__
+from brdftab.engine import Engine, Progress
+from brdftab.errors import BrdftabError, FileFormatError, ParameterError
+from brdftab.evaluation import check_tolerance, is_stochastic
+from brdftab.integrals import NODES, directional
+from brdftab.models.setup import Setup, resolve
+from brdftab.provenance import machine
+
+Array = NDArray[np.float64]
+FORMAT = "brdftab-albedo"
+COSINES = 32
+SIDES = {"above": 1.0, "below": -1.0}
+# angles a row at which the quadrature is checked against a finer one
+CHECKS = 3
+
+
+@dataclass(frozen=True)
+class AlbedoTable:
+    """Albedo of a model over roughness and cosine.
+
+    Attributes
+    ----------
+    cosines : ndarray (M,)
+        Cosine of theta_i at the cells' centres, (j + 1/2)/M.
+    roughness : ndarray (A,)
+        Values of the model's roughness parameter.
+    channels : tuple of str
+        Names of the channels.
+    directional : dict of str to ndarray (A, M, C)
+        ``reflected``; surfaces that transmit also ``transmitted``, and ``reflected_below``, ``transmitted_below`` for
+        light from below.
+    average : dict of str to ndarray (A, C)
+        2 int E(mu) mu dmu under the same names, by its own quadrature, not from the cells.
+    provenance : dict
+        Model, parameters, error, run time.
+    """
+
+    cosines: Array
+    roughness: Array
+    channels: tuple[str, ...]
+    directional: dict[str, Array]
+    average: dict[str, Array]
+    provenance: dict[str, Any]
+
+    def metadata(self) -> dict[str, Any]:
+        """Return everything but the arrays of albedos as a JSON-able dict."""
+        return {
+            "format": FORMAT,
+            "format_version": 1,
+            "version": __version__,
+            "cosines": self.cosines.tolist(),
+            "roughness": self.roughness.tolist(),
+            "channels": list(self.channels),
+            "layers": list(self.directional),
+            "meaning": (
+                "share of the light from one direction that leaves the surface: int f |cos(theta_o)| domega_o; rows "
+                "are roughness, columns the cosine of theta_i at (j + 1/2)/M; average = 2 int E(mu) mu dmu"
+            ),
+            "provenance": self.provenance,
+        }
+
+
+def _names(setup: Setup) -> tuple[str, ...]:
+    """Return the layers of a setup."""
+    return ("reflected", "transmitted", "reflected_below", "transmitted_below") if setup.transmits else ("reflected",)
+
+
+def _albedos(setup: Setup, angles: Array, tolerance: float) -> Array:
+    """Return the albedos (L, N, C) of all layers at polar angles above the surface."""
+    if setup.transmits:
+        split = models.kernel(setup.model.name).split_albedo
+        both = [split(setup, t, tolerance) for t in (angles, math.pi - angles)]
+        return np.array([part for pair in both for part in pair])
+    module = models.kernel(setup.model.name)
+    if hasattr(module, "albedo"):
+        own = module.albedo(setup, angles, 0.0, tolerance)
+        if own is not None:
+            return np.asarray(own)[None]
+    engine = Engine(setup, tolerance)
+    nodes = NODES if tolerance > 1e-5 else 2 * NODES
+    return np.array([directional(engine, float(t), 0.0, nodes)[0] for t in angles])[None]
+
+
+def _row(setup: Setup, cosines: Array, tolerance: float) -> tuple[Array, Array, float]:
+    """Return directional (L, M, C) and average (L, C) albedo of one roughness, and the estimated error."""
+    angles = np.arccos(cosines)
+    x, w = np.polynomial.legendre.leggauss(20)
+    # squared nodes gather at grazing, where albedos turn
+    mu, weight = (0.5 * (1.0 + x)) ** 2, 0.5 * w * (1.0 + x)
+    found = _albedos(setup, np.concatenate([angles, np.arccos(mu)]), tolerance)
+    cells, rest = found[:, : angles.size], found[:, angles.size :]
+    picked = np.unique(np.linspace(0, angles.size - 1, CHECKS).round().astype(int))
+    finer = _albedos(setup, angles[picked], max(0.01 * tolerance, 1e-10))
+    error = float(np.abs(finer - cells[:, picked]).max())
+    return cells, 2.0 * np.einsum("n,lnc->lc", weight * mu, rest), error
+
+
+def tabulate_albedo(
+    model: str,
+    *,
+    cosines: int = COSINES,
+    roughness: Sequence[float] | None = None,
+    tolerance: float = 1e-4,
+    progress: Progress | None = None,
+    **parameters: Any,
+) -> AlbedoTable:
+    """Tabulate directional and average albedo.
+
+    Parameters
+    ----------
+    model : str
+        Registry name.
+    cosines : int, optional
+        Cells in the cosine of theta_i, at least 2.
+    roughness : sequence of float, optional
+        Values of the model's roughness parameter (alpha or sigma), a row each; by default the one in `parameters`.
+    tolerance : float, optional
+        Absolute error asked, in [1e-14, 0.5].
+    progress : callable, optional
+        Called with the finished share of the work.
+    **parameters
+        Parameters of the model by name; isotropic surfaces only.
+
+    Returns
+    -------
+    AlbedoTable
+
+    Raises
+    ------
+    ParameterError
+        If a parameter is malformed, the surface is anisotropic, or the model's values carry noise.
+    """
+    started = time.perf_counter()
+    asked = check_tolerance(tolerance)
+    if not (isinstance(cosines, int) and 2 <= cosines <= 4096):
+        raise ParameterError.out_of_range("cosines", cosines, "[2, 4096]", "cells between grazing and normal light")
+    first = resolve(model, **parameters)
+    name = first.model.roughness
+    if roughness is not None and not first.model.has(name):
+        raise ParameterError(f"roughness needs a model with {name}, which {model} has not; leave it out")
+    if roughness is not None and len(roughness) == 0:
+        raise ParameterError(f"roughness is empty; give values of {name}, as 0.05:1:20 or 0.1,0.5")
+    rows = [first] if roughness is None else [resolve(model, **{**parameters, name: float(r)}) for r in roughness]
+    for setup in rows:
+        if not setup.isotropic:
+            raise ParameterError(f"{name}_x and {name}_y differ; albedo tables are of isotropic surfaces, give {name}")
+        if is_stochastic(setup):
+            raise ParameterError(
+                f"model = {model} with these options is an estimate with noise; take smith-multi with its solver"
+            )
+    mu = (np.arange(cosines) + 0.5) / cosines
+    made = []
+    for number, setup in enumerate(rows):
+        made.append(_row(setup, mu, asked))
+        if progress is not None:
+            progress((number + 1.0) / len(rows))
+    names = _names(first)
+    values = np.array([given for given, _, _ in made])
+    means = np.array([mean for _, mean, _ in made])
+    error = max(e for _, _, e in made)
+    elapsed = time.perf_counter() - started
+    parameters = {n: v for n, v in first.parameters.items() if roughness is None or n != name}
+    provenance = {
+        "model": model,
+        "parameters": parameters,
+        "roughness_parameter": name,
+        "error": {"tolerance": asked, "estimate": error, "met": error <= asked, "cells": CHECKS * len(rows)},
+        "run_time_s": elapsed,
+        "machine": machine(),
+        "citation": first.model.citation,
+        "doi": first.model.doi,
+    }
+    rough = np.array([s.alpha_x for s in rows])
+    return AlbedoTable(
+        mu,
+        rough,
+        first.channels,
+        {n: values[:, k] for k, n in enumerate(names)},
+        {n: means[:, k] for k, n in enumerate(names)},
+        provenance,
+    )
+
+
+def write_albedo(table: AlbedoTable, path: str | Path, *, overwrite: bool = False) -> None:
+    """Write an albedo table as .npz (float64) or .exr (float32: part albedo, and part average of one column).
+
+    Raises
+    ------
+    OutputExistsError, BrdftabError
+        As `brdftab.write`.
+    """
+    from brdftab.io import check_output
+    from brdftab.io.atomic import atomic
+
+    check_output(path, overwrite=overwrite)
+    text = json.dumps(table.metadata(), allow_nan=False)
+    with atomic(path, overwrite=overwrite) as temporary:
+        if Path(path).suffix.lower() == ".npz":
+            arrays: dict[str, Any] = {
+                "cosines": table.cosines,
+                "roughness": table.roughness,
+                "metadata": np.array(text),
+            }
+            arrays |= table.directional | {f"average_{n}": a for n, a in table.average.items()}
+            with open(temporary, "wb") as file:
+                np.savez(file, allow_pickle=False, **arrays)
+        else:
+            _write_exr(table, text, temporary)
+
+
+def _write_exr(table: AlbedoTable, text: str, path: Path) -> None:
+    """Write the two parts of an EXR; the first layer is the one that viewers show."""
+    import OpenEXR
+
+    rows, columns = len(table.roughness), len(table.cosines)
+    parts = []
+    for part, layers in (("albedo", table.directional), ("average", {n: a[:, None] for n, a in table.average.items()})):
+        channels = {}
+        for number, (layer, values) in enumerate(layers.items()):
+            for c, channel in enumerate(table.channels):
+                name = channel if number == 0 else f"{layer}.{channel}"
+                channels[name] = OpenEXR.Channel(name, np.ascontiguousarray(values[..., c], dtype=np.float32))
+        header = {"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION, "brdftab": text}
+        header["displayWindow"] = (np.array([0, 0], np.int32), np.array([columns - 1, rows - 1], np.int32))
+        parts.append(OpenEXR.Part(header, channels, part))
+    OpenEXR.File(parts).write(str(path))
+
+
+def read_albedo(path: str | Path) -> AlbedoTable:
+    """Read what `write_albedo` wrote as .npz; .exr files are for renderers.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is not such a table.
+    BrdftabError
+        If it cannot be opened.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            head = json.loads(str(file["metadata"]))
+            if head.get("format") != FORMAT:
+                raise FileFormatError(f"{path}: is a file of another kind; brdftab albedo writes these")
+            directional_albedo = {n: file[n] for n in head["layers"]}
+            average = {n: file[f"average_{n}"] for n in head["layers"]}
+            return AlbedoTable(
+                file["cosines"],
+                file["roughness"],
+                tuple(head["channels"]),
+                directional_albedo,
+                average,
+                head["provenance"],
+            )
+    except OSError as error:
+        raise BrdftabError(f"{path}: cannot be opened ({error.strerror or error}); check the path") from error
+    except (KeyError, ValueError, TypeError, AttributeError) as error:
+        raise FileFormatError(f"{path}: is not an albedo table of brdftab, or damaged; write it again") from error
