@@ -13,6 +13,7 @@ from brdftab import models
 from brdftab.errors import ParameterError, SingularDirectionError
 from brdftab.evaluation import singular
 from brdftab.models.microfacet.sampling import PDF_TOLERANCE
+from brdftab.models.microfacet.single import HORIZON
 from brdftab.models.setup import resolve
 
 Array = NDArray[np.float64]
@@ -25,15 +26,17 @@ class Samples:
     Attributes
     ----------
     theta_o : ndarray (n,)
-        Polar angles, radians; at or above pi/2 only where `valid` is false.
+        Polar angles, radians; at or above pi/2 only where `valid` is false or the surface transmits.
     phi_o : ndarray (n,)
         Absolute azimuths, radians in [0, 2 pi).
     weight : ndarray (n, C)
-        f cos(theta_o) / pdf a channel, 0 where `valid` is false; its mean estimates the directional albedo.
+        f |cos(theta_o)| / pdf a channel, 0 where `valid` is false; its mean estimates the directional albedo. Of models
+        that draw whole walks between facets (smith-multi, smith-walk) it is the walk's throughput.
     valid : ndarray (n,) of bool
         False where the drawn path ends below the horizon or exceeds the model's cap of bounces.
     pdf : ndarray (n,)
-        1/sr with respect to the solid angle of the outgoing direction, 0 where `valid` is false.
+        1/sr with respect to the solid angle of the outgoing direction, 0 where `valid` is false. Approximate for models
+        that draw whole walks, good for multiple importance sampling; the weight does not divide by it.
     """
 
     theta_o: Array
@@ -59,7 +62,7 @@ def sample(model: str, theta_i: float, n: int, *, phi_i: float = 0.0, seed: int 
     model : str
         Registry name.
     theta_i : float
-        Polar angle of the light, radians in [0, pi/2).
+        Polar angle of the light, radians in [0, pi/2); for surfaces that transmit also in (pi/2, pi].
     n : int
         How many directions, at least 1.
     phi_i : float
@@ -90,15 +93,25 @@ def sample(model: str, theta_i: float, n: int, *, phi_i: float = 0.0, seed: int 
             raise ParameterError(
                 f"{name} = array of shape {value.shape} is not one number; call sample once a direction"
             )
-    _check_angles("theta_i", light, 0.0, np.nextafter(0.5 * np.pi, 0.0), "[0, pi/2)")
     _check_angles("phi_i", azimuth, -np.inf, np.inf, "the finite numbers")
     if int(n) != n or n < 1:
         raise ParameterError.out_of_range("n", n, "the whole numbers >= 1")
     if int(seed) != seed or seed < 0:
         raise ParameterError.out_of_range("seed", seed, "the whole numbers >= 0")
     setup = resolve(model, **parameters)
+    if setup.transmits:
+        _check_angles("theta_i", light, 0.0, np.pi, "[0, pi]")
+        if abs(np.cos(light)) <= HORIZON:
+            raise ParameterError.out_of_range("theta_i", float(light), "[0, pi] without pi/2", "no light grazes")
+    else:
+        _check_angles("theta_i", light, 0.0, np.nextafter(0.5 * np.pi, 0.0), "[0, pi/2)")
     lobe = models.sampler(model)
     rng = np.random.Generator(np.random.PCG64(int(seed)))
+    walks = getattr(lobe, "walk", None)
+    if walks is not None:
+        theta_o, phi_o, valid, weight = walks(setup, float(light), float(azimuth), int(n), rng)
+        pairs = (np.full(int(n), light), theta_o, phi_o - float(azimuth), np.full(int(n), azimuth))
+        return Samples(theta_o, phi_o, weight, valid, np.where(valid, lobe.pdf(setup, *pairs), 0.0))
     theta_o, phi_o, valid = lobe.sample(setup, float(light), float(azimuth), int(n), rng)
     density = np.zeros(theta_o.shape)
     weight = np.zeros((theta_o.size, len(setup.channels)))
@@ -124,7 +137,8 @@ def pdf(
     model : str
         Registry name.
     theta_i, theta_o : array_like
-        Polar angles of light and view, radians in [0, pi]; at or beyond pi/2 the density is 0.
+        Polar angles of light and view, radians in [0, pi]; at pi/2, and beyond it unless the surface transmits, the
+        density is 0.
     phi : array_like
         phi_o - phi_i, radians.
     phi_i : array_like
@@ -136,7 +150,7 @@ def pdf(
     -------
     ndarray
         1/sr with respect to the solid angle of the view direction, of the broadcast shape. It integrates to 1 minus
-        the share of invalid samples.
+        the share of invalid samples. Approximate for models that draw whole walks (smith-multi, smith-walk).
 
     Raises
     ------
@@ -155,7 +169,10 @@ def pdf(
     flat = np.broadcast_arrays(*arrays.values())
     shape = flat[0].shape
     ti, to, dphi, pi_ = (np.ascontiguousarray(a).reshape(-1) for a in flat)
-    above = (ti < 0.5 * np.pi) & (to < 0.5 * np.pi)
+    if setup.transmits:
+        above = (np.abs(np.cos(ti)) > HORIZON) & (np.abs(np.cos(to)) > HORIZON)
+    else:
+        above = (ti < 0.5 * np.pi) & (to < 0.5 * np.pi)
     out = np.zeros(ti.shape)
     if np.any(above):
         pairs = (ti[above], to[above], dphi[above], pi_[above])

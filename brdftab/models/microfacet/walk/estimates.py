@@ -75,13 +75,11 @@ class Rows:
 
 def _tasks(offsets: Whole, first: int, last: int) -> Whole:
     """Return tasks (T, 6) over tiles of all rows, each of at most `GROUP` paths in a slot of its own."""
-    rows, lows, highs = [], [], []
-    for r in range(len(offsets) - 1):
-        low = np.arange(offsets[r], offsets[r + 1], TILE)
-        rows.append(np.full(low.size, r))
-        lows.append(low)
-        highs.append(np.minimum(low + TILE, offsets[r + 1]))
-    tile = np.stack([np.concatenate(x) for x in (rows, lows, highs)], axis=1).astype(np.int64)
+    tiles = -(-np.diff(offsets) // TILE)
+    row = np.repeat(np.arange(tiles.size), tiles)
+    number = np.arange(row.size) - np.repeat(np.cumsum(tiles) - tiles, tiles)
+    low = offsets[row] + number * TILE
+    tile = np.stack([row, low, np.minimum(low + TILE, offsets[row + 1])], axis=1)
     starts = np.arange(first, last, GROUP)
     tasks = np.empty((starts.size, len(tile), 6), dtype=np.int64)
     tasks[:, :, 0], tasks[:, :, 3], tasks[:, :, 4] = tile.T

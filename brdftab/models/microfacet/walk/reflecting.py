@@ -10,6 +10,7 @@ from brdftab.models.microfacet.masking import CORRELATED, SEPARABLE
 from brdftab.models.microfacet.project import arguments, thinned
 from brdftab.models.microfacet.single import evaluate_points
 from brdftab.models.microfacet.walk import rows
+from brdftab.models.microfacet.walk.estimates import Whole
 from brdftab.models.microfacet.walk.survey import Road
 from brdftab.models.microfacet.walk.terms import segment
 from brdftab.models.setup import Setup
@@ -52,13 +53,12 @@ def reflecting(setup: Setup, tolerance: float, heights: bool, least: int = 2) ->
         1 or 2: lowest order that paths estimate; the single bounce is otherwise known exactly.
     """
     fresnel = thinned(setup, 0.1 * tolerance)
-    known = fresnel.weights
     term = arguments(fresnel, 0.1 * tolerance)
-    weights = np.ascontiguousarray(known, dtype=np.float64)
+    weights = np.ascontiguousarray(fresnel.weights, dtype=np.float64)
     limit, most = LIMITS[setup.values["roulette"]], min(setup.max_bounces or LONGEST, LONGEST)
     masking = CORRELATED if heights else SEPARABLE
 
-    def draw(tasks: Array, lights: Array, names: Array, views: Array, sums: Array, squares: Array) -> None:
+    def draw(tasks: Whole, lights: Array, names: Whole, views: Array, sums: Array, squares: Array) -> None:
         if most >= least:
             rows.draw(
                 setup.ndf, setup.alpha_x, setup.alpha_y, *term, heights, limit, least, most, setup.values["seed"],

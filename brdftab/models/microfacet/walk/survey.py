@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.models.microfacet.single import HORIZON
-from brdftab.models.microfacet.walk.estimates import Draw, Estimates, Progress, Rows, estimate
+from brdftab.models.microfacet.walk.estimates import Draw, Estimates, Progress, Rows, Whole, estimate
 from brdftab.models.microfacet.walk.layout import Layout, vectors
 from brdftab.models.setup import Setup, component_names
 
@@ -49,7 +49,7 @@ def layers(setup: Setup, orders: int) -> int:
     return len(component_names(setup, orders)) if orders else 1
 
 
-def _rows(road: Road, angles: tuple[Array, ...], lights: Array, identities: NDArray[np.int64], offsets: Array) -> Rows:
+def _rows(road: Road, angles: tuple[Array, ...], lights: Array, identities: Whole, offsets: Whole) -> Rows:
     """Return cells at `angles` (M,) as rows, dark where light or view are at the horizon or on a side without light."""
     theta_i, theta_o, phi, phi_i = angles
     views = road.views(vectors(theta_o, phi_i + phi))
@@ -74,7 +74,7 @@ def at_points(setup: Setup, roads: list[Road], angles: tuple[Array, ...], orders
     """Estimate at N pairs of directions (radians): values (N, P, C); each point draws paths of its own."""
     theta_i, _, _, phi_i = angles
     count = len(theta_i)
-    index = np.arange(count + 1)
+    index = np.arange(count + 1, dtype=np.int64)
     lights = vectors(theta_i, phi_i)
     return _joined(
         [
@@ -102,11 +102,11 @@ def on_grid(
     for number, road in enumerate(roads):
         if road.shared:
             lights = vectors(*layout.incoming.T)
-            rows = _rows(road, angles, lights, np.arange(len(lights)), layout.offsets())
+            rows = _rows(road, angles, lights, np.arange(len(lights), dtype=np.int64), layout.offsets())
         else:
             row, column, step = layout.cells()
             name = (row * len(layout.outgoing) + column) * len(layout.phi) + step
-            rows = _rows(road, angles, vectors(angles[0], angles[3]), name, np.arange(len(name) + 1))
+            rows = _rows(road, angles, vectors(angles[0], angles[3]), name, np.arange(len(name) + 1, dtype=np.int64))
 
         def report(share: float, number: int = number) -> None:
             if progress is not None:

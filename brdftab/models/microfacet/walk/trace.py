@@ -17,11 +17,14 @@ from brdftab.models.microfacet.walk.normals import visible_normal
 from brdftab.models.microfacet.walk.rng import uniforms
 from brdftab.models.microfacet.walk.terms import segment
 
-# columns of a recorded vertex: direction towards where the light comes from, factor of the facet's term, log C1, side
+# columns of a recorded vertex: direction towards where the light comes from, factor of the facet's term, log C1, and
+# the side that the light is on (1 above the interface, -1 below)
 WX, WY, WZ, FACTOR, HEIGHT, SIDE = range(6)
 COLUMNS = 6
 # blocks of random numbers from here on decide which dim paths end
 _LATE = 1 << 31
+# and from here on, which side light takes in walks with heights
+_CHOICE = 1 << 30
 
 
 @kernel
@@ -43,7 +46,7 @@ def thin_out(row, chance, limit, seed, cell, path, block):
 
 
 @kernel
-def _arrive(ndf, alpha_x, alpha_y, x, y, z, heights, level, u):
+def arrive(ndf, alpha_x, alpha_y, x, y, z, heights, level, u):
     """Return what a path finds along its direction (x, y, z) of travel: facet factor, chance to meet one, log C1.
 
     A log C1 of 0 means that the path has left.
@@ -93,7 +96,7 @@ def reflections(ndf, alpha_x, alpha_y, x, y, z, fresnel_, heights, limit, most, 
     dx, dy, dz = -x, -y, -z
     for k in range(most):
         a, b, c, d = uniforms(seed, cell, path, k)
-        weight, chance, level = _arrive(ndf, alpha_x, alpha_y, dx, dy, dz, heights, level, d)
+        weight, chance, level = arrive(ndf, alpha_x, alpha_y, dx, dy, dz, heights, level, d)
         if heights and level >= 0.0:
             break
         if k > 0 and not thin_out(throughput[k], chance, limit, seed, cell, path, k):
@@ -112,4 +115,64 @@ def reflections(ndf, alpha_x, alpha_y, x, y, z, fresnel_, heights, limit, most, 
         dx, dy, dz = 2.0 * cosine * mx - x, 2.0 * cosine * my - y, 2.0 * cosine * mz - z
         s = 1.0 / math.sqrt(dx * dx + dy * dy + dz * dz)
         dx, dy, dz = dx * s, dy * s, dz * s
+    return count
+
+
+@kernel
+def crossed(level):
+    """Return log C1 on the other side of the interface, where heights are upside down: C1 -> 1 - C1."""
+    return math.log(-math.expm1(level))
+
+
+@kernel
+def scatter(ndf, alpha_x, alpha_y, side, x, y, z, n, a, b, c, d):
+    """Draw how a facet sends on light that arrives from (x, y, z): by its Fresnel reflectance it reflects or refracts.
+
+    `n` is the index below, `side` that of the light and a, b, c, d are uniforms. Returns the new direction of travel
+    and its side.
+    """
+    # from below the surface looks as from above after turning every direction round, which D does not mind
+    x, y, z = side * x, side * y, side * z
+    eta = n if side > 0.0 else 1.0 / n
+    mx, my, mz = visible_normal(ndf, alpha_x, alpha_y, x, y, z, a, b, c)
+    cosine = max(x * mx + y * my + z * mz, 0.0)
+    if d < fresnel(cosine, eta):
+        new, p, q = side, 2.0 * cosine, 1.0
+    else:
+        new, p, q = -side, cosine / eta - refract(cosine, eta), 1.0 / eta
+    dx, dy, dz = side * (p * mx - q * x), side * (p * my - q * y), side * (p * mz - q * z)
+    s = 1.0 / math.sqrt(dx * dx + dy * dy + dz * dz)
+    return dx * s, dy * s, dz * s, new
+
+
+@kernel
+def refractions(ndf, alpha_x, alpha_y, x, y, z, n, heights, limit, most, seed, cell, path, vertices, throughput):
+    """Follow one path of light that arrives from (x, y, z), above or below, over facets that reflect and refract.
+
+    As `reflections`, with one column of throughput that holds the chances to meet a facet; `n` is the index below.
+    """
+    throughput[0, 0] = 1.0
+    level = 0.0
+    count = 0
+    side = 1.0 if z > 0.0 else -1.0
+    dx, dy, dz = -x, -y, -z
+    for k in range(most):
+        a, b, c, d = uniforms(seed, cell, path, k)
+        weight, chance, level = arrive(ndf, alpha_x, alpha_y, dx, dy, side * dz, heights, level, d)
+        if heights and level >= 0.0:
+            break
+        if k > 0 and not thin_out(throughput[k], chance, limit, seed, cell, path, k):
+            break
+        x, y, z = -dx, -dy, -dz
+        vertex = vertices[k]
+        vertex[WX], vertex[WY], vertex[WZ], vertex[FACTOR], vertex[HEIGHT], vertex[SIDE] = x, y, z, weight, level, side
+        count = k + 1
+        if count == most:
+            break
+        throughput[k + 1, 0] = chance * throughput[k, 0]
+        # the height has used up this block's last number
+        choice = uniforms(seed, cell, path, _CHOICE + k)[0] if heights else d
+        dx, dy, dz, new = scatter(ndf, alpha_x, alpha_y, side, x, y, z, n, a, b, c, choice)
+        if new != side:
+            side, level = new, crossed(level)
     return count

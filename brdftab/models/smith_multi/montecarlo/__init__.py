@@ -4,23 +4,26 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.models.microfacet.walk.estimates import Estimates
+from brdftab.models.microfacet.walk.exits import mean_exit
 from brdftab.models.microfacet.walk.survey import Road, at_points, on_grid
 from brdftab.models.setup import Setup
 
-__all__ = ["Estimates", "estimate_table", "estimates", "points"]
+__all__ = ["Estimates", "albedo", "estimate_table", "estimates", "points"]
 
 Array = NDArray[np.float64]
 
 
 def _roads(setup: Setup, tolerance: float) -> list[Road]:
     """Return how the setup's estimator draws its paths; only its own kernels are imported."""
-    module = importlib.import_module(f"{__name__}.{setup.values['estimator']}")
-    return module.roads(setup, tolerance)  # type: ignore[no-any-return]  # every estimator's module has this function
+    module: Any = importlib.import_module(f"{__name__}.{setup.values['estimator']}")
+    found: list[Road] = module.roads(setup, tolerance)
+    return found
 
 
 def estimates(
@@ -82,3 +85,11 @@ def estimate_table(
         values (P, *shape, C) in 1/sr, standard_error (*shape, C), samples (*shape).
     """
     return on_grid(setup, _roads(setup, tolerance), axes, orders, tolerance, progress)
+
+
+def albedo(setup: Setup, theta_i: Array, phi_i: float, tolerance: float) -> Array:
+    """Return the directional albedo (N, C) of all bounces, transmitted light included: mean weight of walks that left.
+
+    Walks are drawn until the standard error is `tolerance`, or 2^22 of them.
+    """
+    return np.array([mean_exit(setup, float(theta), phi_i, False, tolerance) for theta in theta_i])

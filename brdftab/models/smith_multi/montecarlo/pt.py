@@ -1,16 +1,18 @@
 """Path tracing with next event estimation at every vertex (Wang et al. 2022, Sec. 4.1): orders two and above.
 
 The single bounce is known exactly and carries no noise. A walk is drawn from visible normals, so that only F and the
-chance to meet the next facet remain in its throughput; it has no last bounce, as dim walks end at random.
+chance to meet the next facet remain in its throughput; it has no last bounce, as dim walks end at random. At facets of
+a dielectric F decides between reflection and refraction.
 """
 
 from __future__ import annotations
 
 from brdftab.models.microfacet.walk.reflecting import reflecting
 from brdftab.models.microfacet.walk.survey import Road
+from brdftab.models.microfacet.walk.through import transmitting
 from brdftab.models.setup import Setup
 
 
 def roads(setup: Setup, tolerance: float) -> list[Road]:
-    """Return how paths are drawn: all wavelengths together."""
-    return [reflecting(setup, tolerance, heights=False)]
+    """Return how paths are drawn: all wavelengths together, or a road for each refractive index."""
+    return transmitting(setup, heights=False) if setup.transmits else [reflecting(setup, tolerance, heights=False)]

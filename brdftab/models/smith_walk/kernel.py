@@ -1,0 +1,68 @@
+"""Random walks with heights on Smith microfacets (Heitz et al. 2016): values with standard errors.
+
+The single bounce is the height-correlated F D G2/(4 cos cos) in closed form, which the walk has as its expectation
+(transmission: G2 = B(1 + Lambda_i, 1 + Lambda_o)); the walks estimate the further orders.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brdftab.models.microfacet.walk.estimates import Estimates
+from brdftab.models.microfacet.walk.exits import mean_exit
+from brdftab.models.microfacet.walk.reflecting import reflecting
+from brdftab.models.microfacet.walk.survey import Road, at_points, on_grid
+from brdftab.models.microfacet.walk.through import transmitting
+from brdftab.models.setup import Setup
+
+Array = NDArray[np.float64]
+
+
+def _roads(setup: Setup, tolerance: float) -> list[Road]:
+    return transmitting(setup, heights=True) if setup.transmits else [reflecting(setup, tolerance, heights=True)]
+
+
+def stochastic(setup: Setup) -> bool:
+    """Tell that values carry a statistical error."""
+    return True
+
+
+def estimates(
+    setup: Setup, theta_i: Array, theta_o: Array, phi: Array, phi_i: Array, *, orders: int, tolerance: float
+) -> Estimates:
+    """Estimate at N pairs of directions (radians): values (N, P, C), standard_error (N, C), samples (N,)."""
+    return at_points(setup, _roads(setup, tolerance), (theta_i, theta_o, phi, phi_i), orders, tolerance)
+
+
+def points(
+    setup: Setup, theta_i: Array, theta_o: Array, phi: Array, phi_i: Array, *, orders: int, tolerance: float
+) -> Array:
+    """Return the values (N, P, C) of `estimates`, 1/sr."""
+    return estimates(setup, theta_i, theta_o, phi, phi_i, orders=orders, tolerance=tolerance).values
+
+
+def estimate_table(
+    setup: Setup,
+    axes: dict[str, Array],
+    *,
+    orders: int,
+    tolerance: float,
+    progress: Callable[[float], None] | None = None,
+) -> Estimates:
+    """Estimate on a product grid; walks from each direction of light serve all of its views.
+
+    Square tables are drawn half, so that they are exactly reciprocal. Returns values (P, *shape, C), standard_error
+    (*shape, C) and samples (*shape).
+    """
+    return on_grid(setup, _roads(setup, tolerance), axes, orders, tolerance, progress)
+
+
+def albedo(setup: Setup, theta_i: Array, phi_i: float, tolerance: float) -> Array:
+    """Return the directional albedo (N, C) of all bounces, transmitted light included: mean weight of walks that left.
+
+    Walks are drawn until the standard error is `tolerance`, or 2^22 of them.
+    """
+    return np.array([mean_exit(setup, float(theta), phi_i, True, tolerance) for theta in theta_i])
