@@ -14,6 +14,7 @@ from brdftab import models
 from brdftab.cli import main
 from brdftab.cli.options import declared
 from brdftab.errors import ParameterError
+from brdftab.evaluation import is_stochastic
 from brdftab.models.setup import component_names, resolve
 
 NAMES = models.names()
@@ -24,6 +25,8 @@ PHI = np.array([0.0, 3.0, 1.2, 2.5, 0.4, 3.14])
 PHI_I = np.array([0.0, 0.5, 2.0, 4.0, 5.5, 1.0])
 # no model's sum of rounding errors came near: reciprocity was measured at 5e-13
 RTOL = 1e-10
+# samples of the estimators
+PATHS = 4
 
 
 def corners(param):
@@ -81,7 +84,10 @@ def physical(model, given):
     """Return the same parameters with perfect mirrors where the model has facets and no other reflectance is given."""
     sources = {"material", "eta", "ior", "f0", "wavelengths", "spectral_samples"}
     if any(p.name == "material" for p in models.spec(model).params) and not sources & set(given):
-        return {**given, "material": "mirror"}
+        given = {**given, "material": "mirror"}
+    if is_stochastic(resolve(model, **given)):
+        # as many paths as the declaration allows would take days
+        given = {**given, "samples": min(given.get("samples", PATHS), PATHS)}
     return given
 
 
@@ -145,21 +151,25 @@ def test_shared_names_mean_the_same():
 def test_values_are_sound(name, given):
     given = physical(name, given)
     setup = resolve(name, **given)
-    value = brdftab.evaluate(name, THETA_I, THETA_O, PHI, phi_i=PHI_I, **given)
+    # below the surface and back the solver costs seconds a point at 1e-9
+    tolerance = 1e-4 if setup.transmits else 1e-9
+    value = brdftab.evaluate(name, THETA_I, THETA_O, PHI, phi_i=PHI_I, tolerance=tolerance, **given)
     assert value.shape == (THETA_I.size, len(setup.channels))
     assert np.isfinite(value).all()
     if setup.channels != ("R", "G", "B"):
         # projected spectra may leave the gamut of sRGB; a single channel may not
         assert (value >= 0.0).all()
-    back = brdftab.evaluate(name, THETA_O, THETA_I, -PHI, phi_i=PHI_I + PHI, **given)
-    assert np.allclose(back, value, rtol=RTOL, atol=1e-30)
-    parts = brdftab.evaluate(name, THETA_I, THETA_O, PHI, phi_i=PHI_I, components=True, **given)
+    if setup.model.reciprocal and not is_stochastic(setup):
+        back = brdftab.evaluate(name, THETA_O, THETA_I, -PHI, phi_i=PHI_I + PHI, tolerance=tolerance, **given)
+        assert np.allclose(back, value, rtol=max(RTOL, tolerance if setup.transmits else 0.0), atol=1e-30)
+    parts = brdftab.evaluate(name, THETA_I, THETA_O, PHI, phi_i=PHI_I, components=True, tolerance=tolerance, **given)
     assert tuple(parts) == component_names(setup, 8)
     assert np.allclose(sum(parts.values()), value, rtol=1e-9, atol=1e-14)
 
 
 @pytest.mark.parametrize(("name", "given"), CASES)
 def test_parameters_survive_json(name, given):
+    given = physical(name, given)
     setup = resolve(name, **given)
     again = resolve(name, **json.loads(json.dumps(setup.parameters, allow_nan=False)))
     assert again.parameters == setup.parameters

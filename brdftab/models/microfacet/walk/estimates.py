@@ -117,6 +117,8 @@ def _batch(
     """Estimate one batch of rows through all its rounds; returns values (M, P, C), their errors (M, C), counts (M,)."""
     cells, channels = len(rows.views), weights.shape[1]
     known = rows.known(slice(0, cells))
+    # what has no layer of its own goes to the last one
+    known = np.concatenate([known[:, : layers - 1], known[:, layers - 1 :].sum(axis=1, keepdims=True)], axis=1)
     sums, squares = np.zeros((layers, cells, len(weights))), np.zeros((cells, channels))
     count = np.zeros(cells, dtype=np.int64)
     active = np.ones(cells, dtype=np.bool_)
