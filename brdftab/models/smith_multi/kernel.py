@@ -13,6 +13,8 @@ import numpy as np
 from brdftab.models.setup import Setup
 
 LAYERED = True
+# standard error of albedos by walks
+NOISE = 1e-3
 
 
 def _road(setup: Setup) -> Any:
@@ -40,9 +42,19 @@ def prepare(setup: Setup, tolerance: float, trial: bool = False, orders: int = 0
     return None if stochastic(setup) else _road(setup).prepare(setup, tolerance, trial, orders)
 
 
-def albedo(setup: Setup, theta_i: np.ndarray, phi_i: float, tolerance: float) -> np.ndarray | None:
-    """Return the directional albedo (N, C) of all bounces, transmitted light included; None: no solver serves."""
-    return None if stochastic(setup) else _road(setup).albedo(setup, theta_i, tolerance)
+def albedo(setup: Setup, theta_i: np.ndarray, phi_i: float, tolerance: float) -> np.ndarray:
+    """Return the directional albedo (N, C) of all bounces, transmitted light included.
+
+    Estimators draw walks, to a standard error of `tolerance` or 1e-3.
+    """
+    if stochastic(setup):
+        return _road(setup).albedo(setup, theta_i, phi_i, max(tolerance, NOISE))  # type: ignore[no-any-return]
+    return _road(setup).albedo(setup, theta_i, tolerance)  # type: ignore[no-any-return]
+
+
+def split_albedo(setup: Setup, theta_i: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return what a dielectric reflects and what it transmits, (N, C) each; light from either side."""
+    return _road(setup).split_albedo(setup, theta_i, tolerance)  # type: ignore[no-any-return]
 
 
 def stochastic(setup: Setup) -> bool:

@@ -24,7 +24,7 @@ def points(
     tolerance: float,
 ) -> np.ndarray:
     """Evaluate at N pairs of directions (radians); returns (N, P, C) in 1/sr, see `points.evaluate`."""
-    return evaluate(setup, theta_i, theta_o, phi, phi_i, orders, settings(tolerance))
+    return evaluate(setup, theta_i, theta_o, phi, phi_i, orders, settings(setup.ndf, tolerance))
 
 
 def prepare(setup: Setup, tolerance: float, trial: bool = False, orders: int = 0) -> Prepared:

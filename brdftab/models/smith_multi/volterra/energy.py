@@ -38,7 +38,7 @@ def albedo(setup: Setup, theta_i: np.ndarray, tolerance: float) -> np.ndarray:
     ndarray (N, C)
         int f cos(theta_o) domega_o in each channel.
     """
-    setting = settings(0.01 * tolerance)
+    setting = settings(setup.ndf, 0.01 * tolerance)
     ndf, alpha = distribution(setup), setup.alpha_x
     fitted, weights = fitted_fresnel(setup, setting)
     waves = fitted.constant.size

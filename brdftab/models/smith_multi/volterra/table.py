@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numba
@@ -10,14 +11,14 @@ import numpy as np
 
 from brdftab.jit import kernel, parallel_kernel
 from brdftab.models.microfacet.fresnel import multiply
-from brdftab.models.microfacet.ndf import GGX
+from brdftab.models.microfacet.ndf import BECKMANN, GGX
 from brdftab.models.microfacet.project import arguments, thinned
 from brdftab.models.microfacet.single import HORIZON
 from brdftab.models.setup import Setup
 from brdftab.models.smith_multi.volterra import beckmann, ggx
 from brdftab.models.smith_multi.volterra.orders import Orders, orders, synthesis
 from brdftab.models.smith_multi.volterra.panels import mesh
-from brdftab.models.smith_multi.volterra.settings import Settings, settings
+from brdftab.models.smith_multi.volterra.settings import TAIL_DEPTH, Settings, settings
 from brdftab.models.smith_multi.volterra.solve import Coefficients, solve
 
 # azimuth modes of a table end here at the latest
@@ -105,7 +106,9 @@ def _combine(surface, beta_a, beta_b, front, lift, acc, weights, row, layered, c
 
 
 @parallel_kernel
-def _fill(rows, columns, square, source, gain, reached, lowest, solved, matrix, lift, place, surface, weights, out, clamped):
+def _fill(
+    rows, columns, square, source, gain, reached, lowest, solved, matrix, lift, place, surface, weights, out, clamped
+):
     """Fill out (P, I, O, F, C); rows and columns tell the source of each polar angle, -1 below the horizon."""
     values, offset, size = solved
     layered = out.shape[0] > 1 or values.shape[0] == 0
@@ -154,7 +157,7 @@ def elevations(*thetas: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
 def reached(setup: Setup, setting: Settings, source: np.ndarray) -> np.ndarray:
     """Return the azimuth order that each pair of elevations needs, (T, T)."""
     alpha, raised = setup.alpha_x, np.maximum(source, LOWEST)
-    decay = setting.decay(alpha, float(raised[0]))
+    decay = setting.decay(setup.ndf, alpha, float(raised[0]))
     needed = distribution(setup).reach(alpha, raised[:, None], raised[None], decay)
     return np.ascontiguousarray(np.broadcast_to(needed, (source.size, source.size)))
 
@@ -168,7 +171,7 @@ def solved_sources(
     """
     ndf, alpha = distribution(setup), setup.alpha_x
     raised = np.maximum(source, LOWEST)
-    chosen = orders(largest, MOST_MODES, setting.dense, setting.chebyshev(alpha, float(raised[0])))
+    chosen = orders(largest, MOST_MODES, setting.dense, setting.chebyshev(setup.ndf, alpha, float(raised[0])))
     if setup.max_bounces == 1:
         none = np.zeros(chosen.nodes.size, np.int64)
         return Coefficients(np.empty((0, fitted.constant.size, 0)), none, none), chosen
@@ -180,6 +183,8 @@ def fitted_fresnel(setup: Setup, setting: Settings) -> tuple[Any, np.ndarray]:
     """Return the reflectance of the bounces from two on, as the module of the distribution fits it, and its weights."""
     fresnel = thinned(setup, 0.3 * setting.tolerance)
     fitted = distribution(setup).fit(fresnel.kind, fresnel.a, fresnel.b, setting.poles)
+    if setup.ndf == BECKMANN:
+        fitted = replace(fitted, depth=TAIL_DEPTH)
     return fitted, np.ascontiguousarray(fresnel.weights)
 
 
@@ -194,7 +199,7 @@ class Prepared:
 
     def __init__(self, setup: Setup, tolerance: float, trial: bool = False, orders: int = 0) -> None:
         self._setup, self._orders = setup, orders
-        self._setting = settings(tolerance, trial)
+        self._setting = settings(setup.ndf, tolerance, trial)
         self.clamped = 0
 
     def points(self, theta_i: np.ndarray, theta_o: np.ndarray, phi: np.ndarray, phi_i: np.ndarray) -> np.ndarray:
@@ -226,7 +231,20 @@ class Prepared:
         gain = distribution(setup).weight(source, setup.alpha_x)
         modes = (solved.values, solved.offset, solved.size)
         _fill(
-            rows, columns, square, source, gain, needed, chosen.lowest, modes, matrix, lift, place, surface, weights,
-            out, clamped,
+            rows,
+            columns,
+            square,
+            source,
+            gain,
+            needed,
+            chosen.lowest,
+            modes,
+            matrix,
+            lift,
+            place,
+            surface,
+            weights,
+            out,
+            clamped,
         )
         self.clamped = int(clamped.sum())
