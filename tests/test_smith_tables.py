@@ -114,7 +114,7 @@ def test_estimated_tables_carry_their_noise():
     truth = brdftab.tabulate("smith-multi", "6x6x9", **given)
     spread = noisy.components["standard_error"]
     z = (noisy.values - truth.values)[spread > 0.0] / spread[spread > 0.0]
-    # paths are shared by the views of a light and by both halves: z of one table scatters more than of independent cells
+    # paths are shared by the views of a light and by both halves: z scatters more than of independent cells
     assert 0.3 < float(np.sqrt(np.mean(z * z))) < 2.0
     error = noisy.provenance["error"]
     assert not error["met"]

@@ -26,15 +26,15 @@ from brdftab.models.smith_multi.volterra.bessel import (
     debye,
     exponent_series,
     integer_order,
+    kept_series,
     miller,
-    order_series,
     small,
 )
 
 __all__ = ["Fit", "fit", "largest_mode", "modes", "pairs", "reach", "weight"]
 
-# pairs whose tilt alone is this much rarer than the cut of the modes are left out
-RARER = 14.0
+# pairs below exp(-FAINTEST) are nothing, and products of three such numbers still are normal numbers
+FAINTEST = 200.0
 # bounces whose modes a table must hold
 BOUNCES = 2.0
 
@@ -61,7 +61,7 @@ def _exponential_term(y, alpha, depth, cross, dz2, tilt, kappa, scale, a2, road)
         lost = y * dz2[b]
         narrow = wide + lost
         e = tilt[b] * narrow + lost
-        if dz2[b] > 0.0 and lost < depth and e < depth + RARER:
+        if dz2[b] > 0.0 and lost < depth and e < FAINTEST:
             a2[b] = 1.0 / narrow
             kappa[b] = cross[b] * narrow / dz2[b]
             scale[b] = math.exp(-e) * wide / (4.0 * math.pi)
@@ -163,7 +163,7 @@ def _arguments(orders: np.ndarray, alpha: float, fitted: Fit) -> tuple[Any, ...]
     scales = np.concatenate([[0.0], fitted.scales])
     coefficients = np.concatenate([fitted.constant[None], fitted.coefficients.T])
     bend = tuple(float(c) for c in exponent_series())
-    return orders, top, order_series(orders, fitted.depth), bend, alpha, fitted.depth, scales, coefficients
+    return orders, top, kept_series(orders, fitted.depth), bend, alpha, fitted.depth, scales, coefficients
 
 
 def modes(

@@ -64,7 +64,7 @@ def fit(kind: int, a: np.ndarray, b: np.ndarray, tolerance: float) -> Fit:
     tolerance : float
         Largest absolute error of F wanted.
     """
-    depth = min(36.0, 9.0 - math.log(max(tolerance, 1e-16)))
+    depth = min(36.0, 20.0 - math.log(max(tolerance, 1e-16)))
     if kind == MIRROR:
         return Fit(np.ones(a.size), np.empty((a.size, 0)), np.empty(0), 0.0, depth)
     cosine = _samples()

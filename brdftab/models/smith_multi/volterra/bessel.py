@@ -29,6 +29,7 @@ DEPTH = 36.0
 INTEGERS = 32
 TERMS = 14
 DEGREE = 10
+NODES = 26
 STEEPEST = 0.8
 
 
@@ -103,6 +104,16 @@ def lowest_kappa(nu: np.ndarray, depth: float = DEPTH) -> np.ndarray:
     return np.where((nu < SPLIT) & (low > 0.99 * limit), 0.0, found)
 
 
+@lru_cache(maxsize=64)
+def _order_series(orders: bytes, depth: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return order_series(np.frombuffer(orders), depth)
+
+
+def kept_series(orders: np.ndarray, depth: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return `order_series`, computed once for the same orders."""
+    return _order_series(np.ascontiguousarray(orders, dtype=np.float64).tobytes(), depth)
+
+
 def order_series(orders: np.ndarray, depth: float = DEPTH) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return what `debye` needs of each order.
 
@@ -127,7 +138,7 @@ def order_series(orders: np.ndarray, depth: float = DEPTH) -> tuple[np.ndarray, 
     lowest = lowest_kappa(orders, depth)
     start = np.where(orders < SPLIT, SPLIT, lowest)
     width = np.hypot(orders, start)
-    x = 0.5 * (1.0 - np.cos(np.pi * (np.arange(48) + 0.5) / 48))
+    x = 0.5 * (1.0 - np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES))
     rho = x / width[:, None]
     q = np.minimum((orders[:, None] * rho) ** 2, 1.0)
     kappa = np.sqrt(1.0 - q) / rho
