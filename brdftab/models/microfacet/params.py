@@ -74,7 +74,7 @@ BOUNDARY_PARAMS = tuple(
 
 SAMPLING_PARAMS = (
     Param("samples", "", None, (1, 2**31), "paths a cell of estimators (default: as tolerance asks)", "int"),
-    Param("seed", "", 0, (0, 2**63 - 1), "seed of estimators; any thread count gives the same numbers", "int"),
+    Param("seed", "", 0, (0, 2**53), "seed of estimators; any thread count gives the same numbers", "int"),
     Param("roulette", "", "off", None, "end dim paths of the estimators at random", "choice", ("off", "on")),
 )
 
