@@ -12,7 +12,7 @@ import numpy as np
 
 from brdftab.models.microfacet.single import HORIZON
 from brdftab.models.setup import Setup
-from brdftab.models.smith_multi.volterra.panels import cardinal, gauss, rule
+from brdftab.models.smith_multi.volterra.panels import cardinal, gauss, rule, smoothness
 from brdftab.models.smith_multi.volterra.settings import settings
 from brdftab.models.smith_multi.volterra.table import LOWEST, distribution, fitted_fresnel
 
@@ -47,7 +47,7 @@ def albedo(setup: Setup, theta_i: np.ndarray, tolerance: float) -> np.ndarray:
         return np.asarray(ndf.weight(beta, alpha))
 
     edges = np.array([-0.5, 0.0, 0.5]) * math.pi
-    beta, measure, first, ends, start, stop, share = rule(edges, alpha, setting, weight)
+    beta, measure, first, ends, start, stop, share = rule(edges, smoothness(setup.ndf, alpha), setting, weight)
     kernel = np.empty((waves, 1, beta.size, beta.size))
     ndf.modes(beta, beta, ZERO, alpha, fitted, kernel)
     within = np.empty((waves, 1, start.size))

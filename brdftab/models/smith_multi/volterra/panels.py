@@ -1,7 +1,7 @@
 """Gauss panels in the elevation, aligned with the table's angles, and the rule inside a panel.
 
 The kernel jumps to 0 where d_z does not increase, so panels end at every angle of the table. A node's own panel is
-integrated from the node upwards on auxiliary Gauss nodes, where the unknown is the polynomial through the panel's nodes.
+integrated from the node upwards on auxiliary Gauss nodes, the unknown being the polynomial through the panel's nodes.
 """
 
 from __future__ import annotations
@@ -14,11 +14,10 @@ from functools import lru_cache
 
 import numpy as np
 
+from brdftab.models.microfacet.ndf import BECKMANN
 from brdftab.models.smith_multi.volterra.settings import MOST_NODES, Settings
 
 Weight = Callable[[np.ndarray], np.ndarray]
-# distance of the nearest singularity of what is smooth otherwise, radians
-SMOOTH = 0.7
 # error of a table in units of rho^(-2 nodes), measured, for one node, two and more
 FRONT = (0.2, 0.05)
 
@@ -104,21 +103,29 @@ def split(low: float, high: float, distance: float, setting: Settings) -> tuple[
         parts = parts + 1 if parts < 8 else math.ceil(1.2 * parts)
 
 
-def rule(edges: np.ndarray, alpha: float, setting: Settings, weight: Weight) -> tuple[np.ndarray, ...]:
+def smoothness(ndf: int, alpha: float) -> float:
+    """Return the distance in radians of the singularities that set the width of panels.
+
+    The kernel has a ridge of width alpha where the elevation equals the depression. Rough surfaces bend towards the
+    normal, where Beckmann's D vanishes like exp(-1/(alpha tilt)^2).
+    """
+    return min(alpha, 0.35 / alpha if ndf == BECKMANN else 0.9 / max(alpha, 1.3))
+
+
+def rule(edges: np.ndarray, distance: float, setting: Settings, weight: Weight) -> tuple[np.ndarray, ...]:
     """Return nodes, weights, first node of each panel, ends of panels, and the auxiliary pairs (see `Mesh`).
 
     Parameters
     ----------
     edges : ndarray (E,)
         Increasing, radians; panels between them are split where the tolerance asks.
-    alpha : float
-        Roughness: the kernel has a ridge of this width where the elevation equals the depression.
+    distance : float
+        From `smoothness`.
     setting : Settings
         Sizes.
     weight : callable
         1/(|d_z| (1 + Lambda)) of an array of elevations.
     """
-    distance = min(alpha, SMOOTH)
     beta, size, first, ends, start, stop, share = [], [], [0], [edges[0]], [], [], []
     for low, high in itertools.pairwise(edges):
         parts, count = split(low, high, distance, setting)
@@ -142,7 +149,7 @@ def rule(edges: np.ndarray, alpha: float, setting: Settings, weight: Weight) -> 
     return nodes, measure, np.array(first), np.array(ends), np.concatenate(start), inner_to, wide
 
 
-def mesh(source: np.ndarray, alpha: float, setting: Settings, weight: Weight) -> Mesh:
+def mesh(source: np.ndarray, ndf: int, alpha: float, setting: Settings, weight: Weight) -> Mesh:
     """Return the nodes for a table whose elevations are `source` (increasing, in (0, pi/2], radians)."""
     edges = np.concatenate([[0.0], source])
     fine = []
@@ -150,7 +157,7 @@ def mesh(source: np.ndarray, alpha: float, setting: Settings, weight: Weight) ->
         parts = math.ceil(0.5 * (high - low) / (setting.share * high) - 1e-9)
         fine.append(low + (high - low) * np.arange(parts) / parts)
     fine.append(edges[-1:])
-    nodes, measure, first, _, start, stop, share = rule(np.concatenate(fine), alpha, setting, weight)
+    nodes, measure, first, _, start, stop, share = rule(np.concatenate(fine), smoothness(ndf, alpha), setting, weight)
     active = np.searchsorted(source, nodes[first[:-1]])
     inner = np.searchsorted(start, nodes)
     return Mesh(source, nodes, measure, first, active, start, stop, np.append(inner, start.size), share)

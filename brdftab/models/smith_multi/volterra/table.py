@@ -106,11 +106,10 @@ def _combine(surface, beta_a, beta_b, front, lift, acc, weights, row, layered, c
 
 
 @parallel_kernel
-def _fill(
-    rows, columns, square, source, gain, reached, lowest, solved, matrix, lift, place, surface, weights, out, clamped
-):
+def _fill(rows, columns, square, axes, lowest, solved, matrix, lift, place, surface, weights, out, clamped):
     """Fill out (P, I, O, F, C); rows and columns tell the source of each polar angle, -1 below the horizon."""
     values, offset, size = solved
+    source, gain, reached = axes
     layered = out.shape[0] > 1 or values.shape[0] == 0
     azimuths, channels = out.shape[3], out.shape[4]
     for i in numba.prange(rows.size):
@@ -175,7 +174,7 @@ def solved_sources(
     if setup.max_bounces == 1:
         none = np.zeros(chosen.nodes.size, np.int64)
         return Coefficients(np.empty((0, fitted.constant.size, 0)), none, none), chosen
-    nodes = mesh(raised, alpha, setting, lambda beta: ndf.weight(beta, alpha))
+    nodes = mesh(raised, setup.ndf, alpha, setting, lambda beta: ndf.weight(beta, alpha))
     return solve(ndf, nodes, alpha, fitted, chosen, needed, layers, setup.max_bounces), chosen
 
 
@@ -228,23 +227,8 @@ class Prepared:
         matrix = synthesis(chosen, forward)
         surface = (setup.ndf, setup.alpha_x**2, *arguments(setup.fresnel, setting.tolerance), setup.fresnel.weights)
         clamped = np.zeros(theta_i.size, np.int64)
-        gain = distribution(setup).weight(source, setup.alpha_x)
+        axes = (source, distribution(setup).weight(source, setup.alpha_x), needed)
         modes = (solved.values, solved.offset, solved.size)
-        _fill(
-            rows,
-            columns,
-            square,
-            source,
-            gain,
-            needed,
-            chosen.lowest,
-            modes,
-            matrix,
-            lift,
-            place,
-            surface,
-            weights,
-            out,
-            clamped,
-        )
+        azimuths = (matrix, lift, place)
+        _fill(rows, columns, square, axes, chosen.lowest, modes, *azimuths, surface, weights, out, clamped)
         self.clamped = int(clamped.sum())
