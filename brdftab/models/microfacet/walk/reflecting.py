@@ -17,7 +17,7 @@ from brdftab.models.setup import Setup
 
 Array = NDArray[np.float64]
 # throughput below which walks end at random; at the lower one the variance stays the same to four digits
-LIMITS = {"off": 1e-3, "on": 0.3}
+LIMITS = {"off": 1e-2, "on": 0.3}
 # no walk gets here: each reflection raises the direction of travel, and dim walks have ended long before
 LONGEST = 512
 

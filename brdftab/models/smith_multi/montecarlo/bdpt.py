@@ -36,7 +36,7 @@ from brdftab.models.setup import Setup
 
 Array = NDArray[np.float64]
 # throughput below which walks end at random
-LIMITS = {"off": 1e-3, "on": 0.3}
+LIMITS = {"off": 1e-2, "on": 0.2}
 # columns of a walk: direction back to where it came from, 1/(|z| (1 + Lambda)), products of 1/e up to the direction
 # before and including this one, and the sum over the splits inside the walk
 X, Y, Z, WEIGHT, BEFORE, UP_TO, INSIDE = range(7)
@@ -56,10 +56,10 @@ def _walk(ndf, alpha_x, alpha_y, x, y, z, kind, fa, fb, table, limit, most, seed
     for k in range(most):
         walk[k, X], walk[k, Y], walk[k, Z], walk[k, WEIGHT] = x, y, z, weight
         walk[k, BEFORE], walk[k, UP_TO], walk[k, INSIDE] = before, up_to, inside
-        if k + 1 == most:
-            break
         if k > 0 and not thin_out(product[k], 1.0 / up_to, limit, seed, cell, path, base + k):
             return k
+        if k + 1 == most:
+            break
         a, b, c, _ = uniforms(seed, cell, path, base + k)
         mx, my, mz = visible_normal(ndf, alpha_x, alpha_y, x, y, z, a, b, c)
         cosine = max(x * mx + y * my + z * mz, 0.0)

@@ -1,4 +1,4 @@
-"""Orders one and two without noise, the others by bidirectional paths: for anisotropic surfaces, which no solver serves."""
+"""Orders one and two without noise, the others by bidirectional paths: for anisotropic surfaces, without a solver."""
 
 from __future__ import annotations
 

@@ -35,6 +35,8 @@ _W5 = np.repeat(
 )
 # rectangles of one cell; the graded start takes some hundreds
 _ROOM = 1 << 14
+# edges of one coordinate
+_EDGES = 512
 
 
 @kernel
@@ -94,33 +96,43 @@ def _rule(ndf, alpha_x, alpha_y, i, o, box, kind, fa, fb, table, row, whole):
 
 
 @kernel
+def _insert(edges, count, edge):
+    """Put an edge in its place between the first and the last of `count`, if it is new; returns how many there are."""
+    at = count
+    while at > 0 and edges[at - 1] > edge - 1e-12:
+        at -= 1
+    if at == 0 or at == count or edges[at] < edge + 1e-12 or count == edges.size:
+        return count
+    for n in range(count, at, -1):
+        edges[n] = edges[n - 1]
+    edges[at] = edge
+    return count + 1
+
+
+@kernel
 def _graded(marks, scale, low, high):
-    """Return sorted edges from `low` to `high`: the marks between them, distances that grow from `scale`, and no gap wide.
+    """Return the edges of intervals between `low` and `high`: the marks, distances growing from `scale`, no wide gap.
 
     Away from the marks ridges of width `scale` may hide, where light leaves the plane of incidence.
     """
-    edges = [low, high]
-    for k in range(marks.size):
-        mark = marks[k]
-        if low < mark < high:
-            edges.append(mark)
+    edges = np.empty(_EDGES)
+    edges[0], edges[1] = low, high
+    count = 2
+    widest = min(max(4.0 * scale, 0.1), 0.8)
+    for mark in marks:
+        count = _insert(edges, count, mark)
         step = scale
         while step < high - low:
-            for at in (mark - step, mark + step):
-                if low < at < high:
-                    edges.append(at)
+            count = _insert(edges, count, mark - step)
+            count = _insert(edges, count, mark + step)
             step *= 3.0
-    edges.sort()
-    kept = [edges[0]]
-    widest = min(max(4.0 * scale, 0.1), 0.8)
-    for edge in edges[1:]:
-        gap = edge - kept[-1]
-        if gap > 1e-12:
-            parts = math.ceil(gap / widest)
-            for k in range(1, parts):
-                kept.append(edge - gap * (parts - k) / parts)
-            kept.append(edge)
-    return kept
+    # from the last interval on, so that those before keep their places
+    for n in range(count - 2, -1, -1):
+        left, gap = edges[n], edges[n + 1] - edges[n]
+        parts = int(gap / widest) + 1
+        for k in range(1, parts):
+            count = _insert(edges, count, left + gap * k / parts)
+    return edges[:count]
 
 
 @kernel
@@ -162,28 +174,35 @@ def second_bounce(ndf, alpha_x, alpha_y, i, o, kind, fa, fb, table, floor, toler
             boxes[count, 0], boxes[count, 1] = 0.5 * (beta[a] + beta[a + 1]), 0.5 * (beta[a + 1] - beta[a])
             boxes[count, 2], boxes[count, 3] = behind + 0.5 * (phi[b] + phi[b + 1]), 0.5 * (phi[b + 1] - phi[b])
             count += 1
-    start = 0
+    errors[:count] = -1.0
     while True:
-        for n in range(start, count):
-            errors[n], boxes[n, 4] = _rule(ndf, alpha_x, alpha_y, i, o, boxes[n], kind, fa, fb, table, row, values[n])
-        left = np.sum(errors[:count])
-        for w in range(size):
-            total[w] = np.sum(values[:count, w])
-        wanted = tolerance * max(floor / ends, np.max(np.abs(total)))
-        if left <= wanted or count == _ROOM:
-            break
-        # halves of what errs more than its share: one in place, one at the end; both are done again
-        share, start, before = 0.5 * wanted / count, count, count
-        for n in range(before):
-            if errors[n] > share and count < _ROOM:
-                axis = int(boxes[n, 4])
-                boxes[n, axis] *= 0.5
-                boxes[count] = boxes[n]
-                boxes[n, axis - 1] -= boxes[n, axis]
-                boxes[count, axis - 1] += boxes[n, axis]
+        left = 0.0
+        total[:] = 0.0
+        for n in range(count):
+            # what is new, or was halved
+            if errors[n] < 0.0:
                 errors[n], boxes[n, 4] = _rule(
                     ndf, alpha_x, alpha_y, i, o, boxes[n], kind, fa, fb, table, row, values[n]
                 )
+            left += errors[n]
+            for w in range(size):
+                total[w] += values[n, w]
+        largest = floor / ends
+        for w in range(size):
+            largest = max(largest, abs(total[w]))
+        if left <= tolerance * largest or count == _ROOM:
+            break
+        # halves of what errs more than its share: one in place, one at the end
+        share = 0.5 * tolerance * largest / count
+        for n in range(count):
+            if errors[n] > share and count < _ROOM:
+                axis = int(boxes[n, 4])
+                boxes[n, axis] *= 0.5
+                for c in range(4):
+                    boxes[count, c] = boxes[n, c]
+                boxes[n, axis - 1] -= boxes[n, axis]
+                boxes[count, axis - 1] += boxes[n, axis]
+                errors[n] = errors[count] = -1.0
                 count += 1
     for w in range(size):
         out[w] = ends * total[w]
