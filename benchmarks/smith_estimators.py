@@ -49,13 +49,14 @@ def _setup(estimator: str, alpha: float, samples: int, seed: int) -> Setup:
     return resolve("smith-multi", estimator=estimator, **given)
 
 
-def _values(estimator: str, alpha: float, samples: int, seed: int) -> Array:
-    """Return one estimate of each pair (8,), 1/sr."""
+def _values(estimator: str, alpha: float, samples: int, seed: int, repeats: int = 1) -> Array:
+    """Return independent estimates of each pair (repeats, 8), 1/sr: every point of a call draws paths of its own."""
+    angles = tuple(np.tile(a, repeats) for a in ANGLES)
     setup = _setup(estimator, alpha, samples, seed)
     if estimator == "walk":
         road = replace(reflecting(setup, 1e-3, heights=True, least=1), shared=False)
-        return at_points(setup, [road], ANGLES, 0, 1e-3).values[:, 0, 0]
-    return montecarlo.points(setup, *ANGLES, orders=0, tolerance=1e-3)[:, 0, 0]
+        return at_points(setup, [road], angles, 0, 1e-3).values.reshape(repeats, -1)
+    return montecarlo.points(setup, *angles, orders=0, tolerance=1e-3).reshape(repeats, -1)
 
 
 def _seconds(work: Callable[[], object], repeats: int = 5) -> float:
@@ -77,10 +78,7 @@ def measure(estimator: str, alpha: float, repeats: int) -> dict[str, object]:
         known = np.asarray(
             brdftab.evaluate("smith-multi", ti, to, phi, ndf="ggx", alpha=alpha, material="mirror", tolerance=1e-6)
         ).reshape(-1)
-    errors = {
-        str(n): float(np.mean([(_values(estimator, alpha, n, seed) - known) ** 2 for seed in range(repeats)]))
-        for n in SAMPLES
-    }
+    errors = {str(n): float(np.mean((_values(estimator, alpha, n, n, repeats) - known) ** 2)) for n in SAMPLES}
     spent = _seconds(lambda: _values(estimator, alpha, 1 << 14, 0)) / (len(PAIRS) << 14)
     return {"mean_squared_error": errors, "us_per_sample": round(1e6 * spent, 3)}
 
@@ -88,7 +86,7 @@ def measure(estimator: str, alpha: float, repeats: int) -> dict[str, object]:
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--repeats", type=int, default=200, help="seeds behind each mean (default 200)")
+    parser.add_argument("--repeats", type=int, default=2000, help="estimates behind each mean (default 2000)")
     repeats = parser.parse_args().repeats
     found: dict[str, dict[str, object]] = {}
     for alpha in (1.0, 0.5):

@@ -20,7 +20,7 @@ def scaled(order, kappa):
     kappa = np.asarray(kappa, dtype=np.float64)
     out = np.zeros((3, kappa.size))
     if order >= bessel.SPLIT or kappa.min() >= bessel.SPLIT:
-        series, width, _ = bessel.order_series(np.array([order]))
+        series, width, _ = bessel.order_series((float(order),))
         bend = tuple(float(c) for c in bessel.exponent_series())
         bessel.debye(float(order), series[0], width[0], bend, kappa, 0, kappa.size, *out)
     elif order == int(order):
@@ -130,11 +130,14 @@ def test_tables_and_pairs_agree_and_only_rising_directions_scatter():
     assert np.allclose(table, np.swapaxes(table, 2, 3)[:, :, ::-1, ::-1], rtol=1e-11, atol=1e-16)
 
 
-@pytest.mark.parametrize("alpha", [0.1, 0.5, 1.0])
-@pytest.mark.parametrize("tolerance", [1e-3, 1e-5])
-def test_modes_with_reflectance(alpha, tolerance):
+@pytest.mark.parametrize(
+    ("alpha", "tolerance", "rates"), [(0.1, 1e-5, 2), (0.2, 1e-4, 3), (0.5, 1e-3, 3), (0.5, 1e-5, 0), (1.0, 1e-4, 0)]
+)
+def test_modes_with_reflectance(alpha, tolerance, rates):
     fitted = beckmann.fit(1, *GOLD, tolerance)
     assert fitted.error <= tolerance
+    # few exponentials of a pair's own where they serve, else those for all X
+    assert beckmann.local(fitted, alpha).rates.size == rates
     a, b = np.array(PAIRS[:5]).T.copy()
     out = np.empty((3, 3, a.size))
     beckmann.pairs(a, b, ORDERS[:3], alpha, fitted, out)

@@ -19,69 +19,41 @@ import numba
 import numpy as np
 
 from brdftab.jit import kernel, parallel_kernel
-from brdftab.models.smith_multi.volterra.beckmann_fit import Fit, fit
+from brdftab.models.smith_multi.volterra.beckmann_fit import Fit, fit, local
+from brdftab.models.smith_multi.volterra.beckmann_terms import global_term, local_term, local_values, pair
 from brdftab.models.smith_multi.volterra.bessel import (
     INTEGERS,
     SPLIT,
     debye,
     exponent_series,
     integer_order,
-    kept_series,
     miller,
+    order_series,
     small,
 )
 
 __all__ = ["Fit", "fit", "largest_mode", "modes", "pairs", "reach", "weight"]
 
-# pairs below exp(-FAINTEST) are nothing, and products of three such numbers still are normal numbers
-FAINTEST = 200.0
 # bounces whose modes a table must hold
 BOUNCES = 2.0
+# listed pairs that a thread takes at a time
+BLOCK = 256
 
 
 @kernel
-def _pair(beta_a, beta_b):
-    """Return B = 2 cos cos', dz^2 and tan^2(mid) of a pair; dz = 0 where z does not rise."""
-    cm = math.cos(0.5 * (beta_a + beta_b))
-    dz = 2.0 * cm * math.sin(0.5 * (beta_b - beta_a))
-    c2 = cm * cm
-    rise = dz * dz if math.sin(beta_b) > math.sin(beta_a) else 0.0
-    return 2.0 * math.cos(beta_a) * math.cos(beta_b), rise, (1.0 - c2) / c2
-
-
-@kernel
-def _exponential_term(y, alpha, depth, cross, dz2, tilt, kappa, scale, a2, road):
-    """Fill kappa, all factors but the modes, and alpha^2 with exp(-y X) in it.
-
-    road: 0 where the term does not count, 1 where kappa < 25, 2 above.
-    """
-    wide = 1.0 / (alpha * alpha)
-    for b in range(cross.size):
-        road[b] = 0
-        lost = y * dz2[b]
-        narrow = wide + lost
-        e = tilt[b] * narrow + lost
-        if dz2[b] > 0.0 and lost < depth and e < FAINTEST:
-            a2[b] = 1.0 / narrow
-            kappa[b] = cross[b] * narrow / dz2[b]
-            scale[b] = math.exp(-e) * wide / (4.0 * math.pi)
-            road[b] = 2 if kappa[b] >= SPLIT else 1
-
-
-@kernel
-def _add(coefficients, scale, tilt, a2, u0, u1, u2, first, last, out):
+def _add(front, tilt, a2, u0, u1, u2, first, last, out):
     """Add one term of one order to out (W, B)."""
     for b in range(first, last):
         up = 1.0 + tilt[b]
-        u0[b] = scale[b] * (up * up * u0[b] + a2[b] * (2.0 * up * u1[b] + a2[b] * u2[b]))
-    for w in range(coefficients.size):
-        c, row = coefficients[w], out[w]
+        u0[b] = up * up * u0[b] + a2[b] * (2.0 * up * u1[b] + a2[b] * u2[b])
+    for w in range(out.shape[0]):
+        factor, row = front[w], out[w]
         for b in range(first, last):
-            row[b] += c * u0[b]
+            row[b] += factor[b] * u0[b]
 
 
 @kernel
-def _run(orders, tables, bend, road, first, last, kappa, scale, tilt, a2, coefficients, work, out):
+def _run(orders, tables, bend, road, first, last, kappa, tilt, a2, front, work, out):
     """Add all orders of one term at first:last, which share the road; out (W, M, B)."""
     series, width, lowest = tables
     ratio, rows, u0, u1, u2 = work
@@ -103,67 +75,70 @@ def _run(orders, tables, bend, road, first, last, kappa, scale, tilt, a2, coeffi
                 u0[b], u1[b], u2[b] = small(nu, kappa[b])
         else:
             debye(nu, series[i], width[i], bend, kappa, first, last, u0, u1, u2)
-        _add(coefficients, scale, tilt, a2, u0, u1, u2, first, last, out[:, i])
+        _add(front, tilt, a2, u0, u1, u2, first, last, out[:, i])
 
 
 @kernel
-def _fill(cross, dz2, tilt, orders, top, tables, bend, alpha, depth, scales, coefficients, out):
-    """Fill out (W, M, B) with all modes of pairs; coefficients (J, W) belong to scales (J,)."""
-    size = cross.size
-    scratch = np.empty((6, size))
-    kappa, scale, a2 = scratch[0], scratch[1], scratch[2]
-    work = (np.empty((top + 2, size)), np.empty((top + 2, size)), scratch[3], scratch[4], scratch[5])
+def _fill(cross, dz2, tilt, orders, top, tables, bend, alpha, depth, spread, near, out):
+    """Fill out (W, M, B) with the modes of pairs; `spread`, `near`: terms of the reflectance for all X or of `local`."""
+    size, waves = cross.size, out.shape[0]
+    scales, coefficients = spread
+    rates, times, matrix, kind, fa, fb = near
+    scratch = np.empty((5, size))
+    kappa, a2 = scratch[0], scratch[1]
+    work = (np.empty((top + 2, size)), np.empty((top + 2, size)), scratch[2], scratch[3], scratch[4])
     road = np.zeros(size, np.int64)
-    for w in range(out.shape[0]):
+    front, values = np.empty((waves, size)), np.empty((times.size, waves, size))
+    for w in range(waves):
         for i in range(out.shape[1]):
             for b in range(size):
                 out[w, i, b] = 0.0
-    for j in range(scales.size):
-        _exponential_term(scales[j], alpha, depth, cross, dz2, tilt, kappa, scale, a2, road)
-        first = 0
-        while first < size:
-            last = first + 1
+    local_values(times, kind, fa, fb, alpha, cross, dz2, tilt, values)
+    for j in range(max(rates.size, scales.size)):
+        if rates.size > 0:
+            local_term(rates[j], matrix[j], alpha, cross, dz2, tilt, values, kappa, a2, road, front)
+        else:
+            global_term(scales[j], coefficients[j], alpha, depth, cross, dz2, tilt, kappa, a2, road, front)
+        last = 0
+        while last < size:
+            first = last
             while last < size and road[last] == road[first]:
                 last += 1
             if road[first] > 0:
-                _run(orders, tables, bend, road[first], first, last, kappa, scale, tilt, a2, coefficients[j], work, out)
-            first = last
+                _run(orders, tables, bend, road[first], first, last, kappa, tilt, a2, front, work, out)
 
 
 @parallel_kernel
-def _modes(beta_a, beta_b, orders, top, tables, bend, alpha, depth, scales, coefficients, out):
-    count = beta_a.size
-    for n in numba.prange(count):
+def _modes(beta_a, beta_b, block, orders, top, tables, bend, alpha, depth, spread, near, out):
+    """Fill out (W, M, R, N) for pairs beta_a, beta_b (R, N), `block` pairs of a row at a time."""
+    rows, blocks = beta_a.shape[0], (beta_a.shape[1] + block - 1) // block
+    for n in numba.prange(rows * blocks):
         # threads get blocks of n: even rows first, then odd ones, so that short and long rows are shared evenly
-        a = 2 * n if 2 * n < count else 2 * (count - n) - 1
-        pair = np.empty((3, beta_b.size))
-        for b in range(beta_b.size):
-            pair[0, b], pair[1, b], pair[2, b] = _pair(beta_a[a], beta_b[b])
-        _fill(pair[0], pair[1], pair[2], orders, top, tables, bend, alpha, depth, scales, coefficients, out[:, :, a])
-
-
-@parallel_kernel
-def _pairs(beta_a, beta_b, orders, top, tables, bend, alpha, depth, scales, coefficients, block, out):
-    for n in numba.prange((beta_a.size + block - 1) // block):
-        first = np.int64(n) * block
-        size = min(block, beta_a.size - first)
-        pair = np.empty((3, size))
-        for b in range(size):
-            pair[0, b], pair[1, b], pair[2, b] = _pair(beta_a[first + b], beta_b[first + b])
+        r = n // blocks
+        r = 2 * r if 2 * r < rows else 2 * (rows - r) - 1
+        first = (n % blocks) * block
+        last = min(first + block, beta_a.shape[1])
+        seen = np.empty((3, last - first))
+        for b in range(last - first):
+            seen[0, b], seen[1, b], seen[2, b] = pair(beta_a[r, first + b], beta_b[r, first + b])
         _fill(
-            pair[0], pair[1], pair[2], orders, top, tables, bend, alpha, depth, scales, coefficients,
-            out[:, :, first : first + size],
-        )  # fmt: skip
+            seen[0], seen[1], seen[2], orders, top, tables, bend, alpha, depth, spread, near, out[:, :, r, first:last]
+        )
 
 
 def _arguments(orders: np.ndarray, alpha: float, fitted: Fit) -> tuple[Any, ...]:
     """Return what the kernels need of orders, roughness and reflectance."""
     whole = orders[(orders < INTEGERS) & (orders == np.floor(orders))]
     top = int(whole.max()) if whole.size else -1
-    scales = np.concatenate([[0.0], fitted.scales])
-    coefficients = np.concatenate([fitted.constant[None], fitted.coefficients.T])
     bend = tuple(float(c) for c in exponent_series())
-    return orders, top, kept_series(orders, fitted.depth), bend, alpha, fitted.depth, scales, coefficients
+    close = local(fitted, alpha)
+    near = (close.rates, close.times, close.matrix, fitted.kind, fitted.a, fitted.b)
+    scales, coefficients = np.zeros(0), np.zeros((0, fitted.constant.size))
+    if close.rates.size == 0:
+        scales = np.concatenate([[0.0], fitted.scales])
+        coefficients = np.concatenate([fitted.constant[None], fitted.coefficients.T])
+    tables = order_series(tuple(orders.tolist()), fitted.depth)
+    return orders, top, tables, bend, alpha, fitted.depth, (scales, coefficients), near
 
 
 def modes(
@@ -184,14 +159,16 @@ def modes(
     out : ndarray (W, M, A, B)
         Where to write K_m, 1/sr; 0 where d_z does not increase.
     """
-    _modes(beta_a, beta_b, *_arguments(orders, alpha, fitted), out)
+    before, after = np.repeat(beta_a[:, None], beta_b.size, axis=1), np.repeat(beta_b[None], beta_a.size, axis=0)
+    _modes(before, after, max(beta_b.size, 1), *_arguments(orders, alpha, fitted), out)
 
 
 def pairs(
     beta_a: np.ndarray, beta_b: np.ndarray, orders: np.ndarray, alpha: float, fitted: Fit, out: np.ndarray
 ) -> None:
     """Fill out (W, M, N) with the modes of N listed pairs; otherwise as `modes`."""
-    _pairs(beta_a, beta_b, *_arguments(orders, alpha, fitted), 256, out)
+    lists = np.ascontiguousarray(beta_a)[None], np.ascontiguousarray(beta_b)[None]
+    _modes(*lists, BLOCK, *_arguments(orders, alpha, fitted), out[:, :, None])
 
 
 def reach(alpha: float, beta_a: np.ndarray, beta_b: np.ndarray, decay: float) -> np.ndarray:

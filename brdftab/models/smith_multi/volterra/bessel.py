@@ -105,21 +105,12 @@ def lowest_kappa(nu: np.ndarray, depth: float = DEPTH) -> np.ndarray:
 
 
 @lru_cache(maxsize=64)
-def _order_series(orders: bytes, depth: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    return order_series(np.frombuffer(orders), depth)
-
-
-def kept_series(orders: np.ndarray, depth: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return `order_series`, computed once for the same orders."""
-    return _order_series(np.ascontiguousarray(orders, dtype=np.float64).tobytes(), depth)
-
-
-def order_series(orders: np.ndarray, depth: float = DEPTH) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return what `debye` needs of each order.
+def order_series(orders: tuple[float, ...], depth: float = DEPTH) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return what `debye` needs of each order; kept, since a table asks for the same orders again and again.
 
     Parameters
     ----------
-    orders : float64 (M,)
+    orders : tuple of float (M,)
         Real orders >= 0.
     depth : float
         exp(-depth) counts as zero.
@@ -134,13 +125,13 @@ def order_series(orders: np.ndarray, depth: float = DEPTH) -> tuple[np.ndarray, 
     lowest : float64 (M,)
         The smallest kappa at which the order counts.
     """
-    orders = np.asarray(orders, dtype=np.float64)
-    lowest = lowest_kappa(orders, depth)
-    start = np.where(orders < SPLIT, SPLIT, lowest)
-    width = np.hypot(orders, start)
+    nu = np.array(orders, dtype=np.float64)
+    lowest = lowest_kappa(nu, depth)
+    start = np.where(nu < SPLIT, SPLIT, lowest)
+    width = np.hypot(nu, start)
     x = 0.5 * (1.0 - np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES))
     rho = x / width[:, None]
-    q = np.minimum((orders[:, None] * rho) ** 2, 1.0)
+    q = np.minimum((nu[:, None] * rho) ** 2, 1.0)
     kappa = np.sqrt(1.0 - q) / rho
     table = _log_debye()
     k = np.arange(TERMS + 1)
@@ -149,7 +140,7 @@ def order_series(orders: np.ndarray, depth: float = DEPTH) -> tuple[np.ndarray, 
     c, w, z = (np.sum((powers_q @ t.T) * powers_rho, axis=-1) for t in (table, table * slope, table * slope**2))
     g, h = (1.0 - q) * w, 2.0 * q * (1.0 - q) * w - (1.0 - q) ** 2 * z
     # digits where the order is all but gone serve nobody
-    weight = np.exp(0.8 * np.maximum(decay(orders[:, None], np.maximum(kappa, 1e-3 * start[:, None])), -depth))
+    weight = np.exp(0.8 * np.maximum(decay(nu[:, None], np.maximum(kappa, 1e-3 * start[:, None])), -depth))
     powers = x[:, None] * np.polynomial.chebyshev.chebvander(2.0 * x - 1.0, DEGREE)
     basis, upper = np.linalg.qr(powers * weight[..., None])
     sides = np.swapaxes(basis, 1, 2) @ (np.stack([c, g, h], axis=-1) * weight[..., None])
