@@ -144,7 +144,7 @@ def _pairs(fresnel: Fresnel) -> list[tuple[float, float]]:
 
 
 def missing(setup: Setup, masking: int, theta: Array) -> Array:
-    """Return 1 - E (N,) of single bounces, interpolated to 1e-9 (1e-6 for Beckmann above 2); 0 at the horizon and below."""
+    """Return 1 - E (N,) of single bounces, good to 1e-9 (1e-6 for Beckmann above 2); 0 at the horizon and below."""
     cuts, values = _table(masking, setup.ndf, setup.alpha_x)
     elevation = np.clip(0.5 * math.pi - theta, 0.0, 0.5 * math.pi)
     panel = np.clip(np.searchsorted(cuts, elevation, side="right") - 1, 0, len(cuts) - 2)

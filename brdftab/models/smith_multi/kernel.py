@@ -48,13 +48,13 @@ def albedo(setup: Setup, theta_i: np.ndarray, phi_i: float, tolerance: float) ->
     Estimators draw walks, to a standard error of `tolerance` or 1e-3.
     """
     if stochastic(setup):
-        return _road(setup).albedo(setup, theta_i, phi_i, max(tolerance, NOISE))  # type: ignore[no-any-return]
-    return _road(setup).albedo(setup, theta_i, tolerance)  # type: ignore[no-any-return]
+        return _road(setup).albedo(setup, theta_i, phi_i, max(tolerance, NOISE))
+    return _road(setup).albedo(setup, theta_i, tolerance)
 
 
 def split_albedo(setup: Setup, theta_i: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
     """Return what a dielectric reflects and what it transmits, (N, C) each; light from either side."""
-    return _road(setup).split_albedo(setup, theta_i, tolerance)  # type: ignore[no-any-return]
+    return _road(setup).split_albedo(setup, theta_i, tolerance)
 
 
 def stochastic(setup: Setup) -> bool:

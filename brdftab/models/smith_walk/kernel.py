@@ -19,6 +19,8 @@ from brdftab.models.microfacet.walk.through import transmitting
 from brdftab.models.setup import Setup
 
 Array = NDArray[np.float64]
+# standard error of albedos by walks
+NOISE = 1e-3
 
 
 def _roads(setup: Setup, tolerance: float) -> list[Road]:
@@ -63,6 +65,6 @@ def estimate_table(
 def albedo(setup: Setup, theta_i: Array, phi_i: float, tolerance: float) -> Array:
     """Return the directional albedo (N, C) of all bounces, transmitted light included: mean weight of walks that left.
 
-    Walks are drawn until the standard error is `tolerance`, or 2^22 of them.
+    Walks are drawn until the standard error is `tolerance` or 1e-3.
     """
-    return np.array([mean_exit(setup, float(theta), phi_i, True, tolerance) for theta in theta_i])
+    return np.array([mean_exit(setup, float(theta), phi_i, True, max(tolerance, NOISE)) for theta in theta_i])

@@ -83,6 +83,9 @@ def _grazing_light(theta_i: Array, theta_o: Array, phi: Array, phi_i: Array) -> 
 
 def at_points(setup: Setup, roads: list[Road], angles: tuple[Array, ...], orders: int, tolerance: float) -> Estimates:
     """Estimate at N pairs of directions (radians): values (N, P, C); each point draws paths of its own."""
+    if setup.isotropic:
+        # only phi counts, and equal phi give equal estimates
+        angles = (*angles[:3], np.zeros_like(angles[3]))
     if roads[0].shared and not roads[0].below:
         angles = _grazing_light(*angles)
     theta_i, _, _, phi_i = angles

@@ -80,7 +80,7 @@ def _run(orders, tables, bend, road, first, last, kappa, tilt, a2, front, work, 
 
 @kernel
 def _fill(cross, dz2, tilt, orders, top, tables, bend, alpha, depth, spread, near, out):
-    """Fill out (W, M, B) with the modes of pairs; `spread`, `near`: terms of the reflectance for all X or of `local`."""
+    """Fill out (W, M, B) with the modes of pairs; `spread`, `near`: its exponentials for all X or from `local`."""
     size, waves = cross.size, out.shape[0]
     scales, coefficients = spread
     rates, times, matrix, kind, fa, fb = near
