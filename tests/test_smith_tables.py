@@ -12,12 +12,15 @@ from brdftab.models.setup import resolve
 
 @pytest.mark.parametrize(("ndf", "alpha"), [("ggx", 0.1), ("ggx", 1.0), ("beckmann", 0.5)])
 def test_stated_error_covers_the_true_one(ndf, alpha):
-    """Every cell against a run at a thousandth of the tolerance; the estimate looks at a subset, hence the factor 3."""
+    """Every cell against a run at a thousandth of the tolerance; the estimate looks at a subset, hence the factor 3.
+
+    Cells below 1e-9/sr are compared absolutely, as the estimate does.
+    """
     coarse = brdftab.tabulate("smith-multi", "18x18x24", ndf=ndf, alpha=alpha, material="mirror", dtype="float64")
     fine = brdftab.tabulate(
         "smith-multi", "18x18x24", ndf=ndf, alpha=alpha, material="mirror", dtype="float64", tolerance=1e-6
     )
-    error = np.abs(coarse.values / fine.values - 1.0)
+    error = np.abs(coarse.values - fine.values) / np.maximum(fine.values, 1e-9)
     assert error.max() < 1e-3
     assert error.max() < 3.0 * max(coarse.provenance["error"]["estimate"], 1e-7)
     assert coarse.provenance["error"]["met"]
@@ -132,8 +135,8 @@ def test_dielectric_tables_reach_below_the_surface():
     assert "below" in table.convention
     solid = np.abs(np.diff(np.sin(table.grid.edges["theta_o"]) ** 2)) / 2.0
     total = np.einsum("o,iop->i", solid, table.values[..., 0]) * 2.0 * math.pi / table.phi.size
-    # cell centres of 11 degrees are a coarse rule
-    np.testing.assert_allclose(total[:6], 1.0, atol=0.15)
+    # cell centres of 11 degrees are a coarse rule, 5 % off away from the normal
+    np.testing.assert_allclose(total[1:6], 1.0, atol=0.06)
     np.testing.assert_allclose(np.array(table.provenance["albedo"]["values"]), 1.0, atol=1e-3)
 
 

@@ -52,6 +52,20 @@ TABLES = {
     "--components --tolerance 1e-2",
     "vgroove-nonsym-anisotropic.exr": "--model vgroove-nonsym --grid 3x6x3x6 --alpha-x 0.3 --alpha-y 0.6 --f0 0.8 "
     "--tolerance 1e-2",
+    "smith-multi.npz": "--model smith-multi --grid 8x8x12 --tolerance 1e-4",
+    "smith-multi-components.exr": "--model smith-multi --grid 6x6x10 --ndf beckmann --alpha 0.7 --material Cu "
+    "--components",
+    "smith-multi-dielectric.npz": "--model smith-multi --grid 4x4+4x6 --ior 1.5 --alpha 0.5 --dtype float64",
+    "smith-multi-paths.exr": "--model smith-multi --grid 5x5x8 --estimator pt --samples 64 --alpha 0.9 --f0 0.8",
+    "smith-multi-anisotropic.npz": "--model smith-multi --grid 3x4x3x4 --alpha-x 0.3 --alpha-y 0.6 --material mirror "
+    "--samples 32 --tolerance 1e-2",
+    "smith-walk.npz": "--model smith-walk --grid 5x5x8 --samples 64 --alpha 0.9",
+    "smith-walk-glass.exr": "--model smith-walk --grid 3x3+3x6 --ndf beckmann --ior 1.5 --samples 32 --seed 2",
+    "kulla-conty.npz": "--model kulla-conty --grid 8x8x12 --alpha 0.8",
+    "kulla-conty-components.exr": "--model kulla-conty --grid 6x6x10 --ndf beckmann --masking height-correlated "
+    "--components --dtype float64",
+    "turquin.npz": "--model turquin --grid 8x8x12 --alpha 0.8",
+    "turquin-beckmann.exr": "--model turquin --grid 6x6x10 --ndf beckmann --ior 1.8",
     "ilm.npz": "--model ilm --grid 8x8x12 --kd 0.8,0.4,0.1 --tolerance 1e-2",
     "ilm-smith-components.exr": "--model ilm --grid 6x6x10 --ndf ggx --masking smith --sigma 0.4 --components "
     "--tolerance 1e-3",

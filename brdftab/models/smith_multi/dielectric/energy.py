@@ -21,6 +21,10 @@ Array = NDArray[np.float64]
 GROUP = 32
 # the series ends where a bounce adds less than this to every albedo
 SMALL = 1e-12
+# sine of directions that have panels of their own beyond the first bounce, too
+STEEP = 0.1
+# how panels close in on such an edge, in p
+CLOSER = 0.02 * 0.2 ** np.arange(5)
 
 
 def _leaving(system: System) -> tuple[Array, Array]:
@@ -46,7 +50,9 @@ def _kinks(theta: float, n: float) -> Array:
     steps = np.array([away + math.pi - turn, away - math.pi + turn]) if below else np.zeros(0)
     other = 1.0 if below else n
     passed = np.array([away + bent, away - bent])
-    return np.concatenate([(n if below else 1.0) * np.cos(steps), other * np.cos(passed)])
+    at = np.concatenate([(n if below else 1.0) * np.cos(steps), other * np.cos(passed)])
+    # F falls like a root behind them
+    return (at[:, None] + np.concatenate([-CLOSER, [0.0], CLOSER])).ravel()
 
 
 def _first(theta: float, n: float, ndf: int, alpha: float, fine: Level) -> tuple[float, float]:
@@ -85,7 +91,10 @@ def _albedo(theta: Array, n: float, setup: Setup, shared: Level, fine: Level) ->
     up, down = np.zeros(theta.size), np.zeros(theta.size)
     for start in range(0, theta.size, GROUP):
         some = slice(start, start + GROUP)
-        up[some], down[some] = _further(System(theta[some], *surface, shared), most)
+        # only near the normal does an edge meet all azimuths at once
+        steep = [_kinks(float(angle), n) for angle in theta[some] if math.sin(angle) < STEEP]
+        system = System(theta[some], *surface, shared, np.concatenate([np.zeros(0), *steep]))
+        up[some], down[some] = _further(system, most)
     for k, angle in enumerate(theta):
         a, b = _first(float(angle), *surface, fine)
         up[k] += a
@@ -112,7 +121,7 @@ def split_albedo(setup: Setup, theta_i: Array, tolerance: float) -> tuple[Array,
         R and T of all bounces, up to max_bounces: int f |cos theta_o| over the light's side, and over the other one.
     """
     assert setup.fresnel is not None
-    shared, fine = energy_levels(tolerance)
+    shared, fine = energy_levels(tolerance, setup.alpha_x)
     theta, at = np.unique(np.asarray(theta_i, dtype=np.float64), return_inverse=True)
     index, channel = np.unique(np.broadcast_to(setup.fresnel.a, len(setup.channels)), return_inverse=True)
     both = np.stack([np.stack(_albedo(theta, float(n), setup, shared, fine)) for n in index], axis=-1)

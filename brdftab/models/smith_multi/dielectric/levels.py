@@ -1,7 +1,13 @@
-"""How fine the solver resolves angles and azimuths at a tolerance."""
+"""How fine the solver resolves angles and azimuths at a tolerance.
+
+GGX, n = 1.5, tables of 45 x (45 + 45) angles to 89 degrees and 90 azimuths: at 1e-3 and alpha .5 the largest error over
+the value of its own cell is 9e-4 (rms 3e-5) in 2.2 CPU seconds. Cells far beside narrow lobes are harder: at alpha .1
+5e-3 to 2e-2 of the darkest ones, rms 2e-4.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 
@@ -18,7 +24,7 @@ class Level:
     lobe : float
         Widest panel over the half-width of a lobe.
     grading : float
-        Widest panel over roughness plus elevation.
+        Widest panel over its elevation plus that of the lowest direction.
     azimuths : int
         Gauss nodes a panel of azimuth.
     modes : int
@@ -42,23 +48,27 @@ class Level:
     sweep: float
 
 
+# by least tolerance, for alpha = ROUGH
 LEVELS = (
-    (1e-3, Level(1, 0.1, 0.7, 0.5, 6, 32, 9.0, 7, 1e-6)),
-    (1e-4, Level(2, 0.1, 0.7, 0.5, 8, 48, 12.0, 9, 1e-7)),
-    (1e-5, Level(3, 0.1, 0.7, 0.5, 10, 64, 15.0, 11, 1e-8)),
-    (1e-6, Level(4, 0.08, 0.6, 0.4, 12, 96, 18.0, 13, 1e-10)),
+    (1e-2, Level(1, 0.06, 0.7, 0.8, 10, 32, 9.0, 7, 1e-6)),
+    (1e-3, Level(2, 0.05, 0.7, 0.8, 12, 40, 11.0, 9, 1e-7)),
+    (1e-4, Level(3, 0.035, 0.6, 0.6, 14, 64, 14.0, 11, 1e-8)),
+    (1e-5, Level(4, 0.03, 0.5, 0.5, 16, 96, 17.0, 13, 1e-9)),
+    (1e-6, Level(6, 0.03, 0.5, 0.4, 18, 128, 20.0, 15, 1e-11)),
 )
+# smoother surfaces take more modes, up to MORE times as many
+ROUGH, MORE = 0.5, 6.0
 
 
-def level(tolerance: float) -> Level:
+def level(tolerance: float, alpha: float) -> Level:
     """Return the resolution for a relative error; the finest one below 1e-6."""
-    for least, found in LEVELS:
-        if tolerance >= least:
-            return found
-    return LEVELS[-1][1]
+    found = next((found for least, found in LEVELS if tolerance >= least), LEVELS[-1][1])
+    more = max(ROUGH / alpha, 1.0)
+    # the tails between narrow lobes fall like a power of alpha against their peaks
+    return replace(found, modes=int(found.modes * min(more**0.75, MORE)), reach=found.reach + 3.0 * math.log(more))
 
 
-def energy_levels(tolerance: float) -> tuple[Level, Level]:
+def energy_levels(tolerance: float, alpha: float) -> tuple[Level, Level]:
     """Return the resolutions of an albedo, for states that directions share and for one direction alone."""
-    shared = level(tolerance)
+    shared = level(tolerance, alpha)
     return replace(shared, nodes=shared.nodes + 1, width=0.05), replace(shared, nodes=shared.nodes + 2, width=0.05)

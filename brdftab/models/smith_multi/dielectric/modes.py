@@ -4,6 +4,9 @@ With k = n d the wave vector and X = |k' - k|^2, each kernel is D(h) A(X), where
 F/4 for reflection and (1 - F) n |cos_i| |cos_t|/X for refraction; in this symmetric form a path and its reverse weigh
 the same, and light that changes sides from index n_i to n_o gains n_o/n_i at the end. With s the tangential part of k,
 X = dp^2 + ds^2 + 4 s s' sin^2(phi/2), phi the azimuth from k to k', and mode m is int_0^pi K cos(m phi) dphi/pi.
+
+GGX's D is alpha^2/pi (X/(X - b))^2 with b = (1 - alpha^2) dp^2. The straight line through A at b and at the smallest X
+is integrated in closed form, which holds the narrow lobe to all digits; quadrature is left with a smooth rest.
 """
 
 from __future__ import annotations
@@ -18,6 +21,11 @@ from brdftab.models.microfacet.refraction import fresnel, transmittance
 
 ABOVE, BELOW, THROUGH = 0, 1, 2
 LANES = 8
+# a lobe is narrow where X varies by less than this part across it
+NARROW = 0.1
+# secants over less than this part of the range of X are rounding
+TINY = 1e-9
+FADE = 36.0
 
 
 @kernel
@@ -35,18 +43,11 @@ def amplitude(kind, x, n):
 
 
 @kernel
-def _density(ndf, alpha, dp, ds, x, rise):
-    """Return D at X = dp^2 + ds^2 + rise."""
-    a2 = alpha * alpha
-    if ndf == 1:
-        if dp == 0.0:
-            return a2 / math.pi
-        r = x / (ds * ds + a2 * dp * dp + rise)
-        return a2 / math.pi * r * r
-    if dp == 0.0:
-        return 0.0
-    d2 = dp * dp
-    return x * x / (math.pi * a2 * d2 * d2) * math.exp(-(ds * ds + rise) / (a2 * d2))
+def pair(kind, p, s, q, sq):
+    """Return dp (positive where light scatters so), ds and s s' of two states."""
+    dp = q - p if kind == 0 else p - q
+    ds = (p - q) * (p + q) / (s + sq + 1e-300) if kind < 2 else sq - s
+    return dp, ds, s * sq
 
 
 @kernel
@@ -61,79 +62,118 @@ def largest(ndf, alpha, dp, ds, ss, reach):
 
 
 @kernel
+def pole(kind, alpha, n, dp, ds, ss):
+    """Return the part of GGX's kernel that is closed: line (A at b, slope), eta, P, Q and what modes 0 and 1 add.
+
+    The modes are exp(-m eta) (P + m Q); exact for an A that is a straight line, and for high m all that there is.
+    """
+    a2 = alpha * alpha
+    b = (1.0 - a2) * dp * dp
+    c = ds * ds + a2 * dp * dp
+    span = 2.0 * ss
+    root = math.sqrt(c * (c + 2.0 * span))
+    eta = 2.0 * math.asinh(math.sqrt(0.25 * c / (ss + 1e-300)))
+    value = amplitude(kind, b, n) if b > 0.0 else 0.0
+    slope = 0.0
+    if b > 0.0 and c > TINY * (b + span):
+        slope = (amplitude(kind, b + c, n) - value) / c
+    scale = a2 / math.pi
+    square = b * b * value
+    one = scale * ((2.0 * b * value + b * b * slope) / root + square * (c + span) / (root * root * root))
+    two = scale * square / (root * root)
+    flat = scale * (value + slope * (2.0 * b + c + span))
+    return value, slope, eta, one, two, flat, -0.5 * scale * slope * span
+
+
+@kernel
+def _is_closed(kind, alpha, dp, ds):
+    """Tell whether the line serves: at X below its reach the amplitude of refraction rises without end."""
+    return kind < 2 or ds * ds + alpha * alpha * dp * dp < NARROW * (dp * dp + ds * ds)
+
+
+@kernel
 def _range(kind, ndf, alpha, n, dp, ds, ss, cut):
-    """Return the end of the azimuths that count (0: none) and that where total reflection ends (-1: none inside)."""
+    """Return the end of the azimuths that count (0: none) and where total reflection begins or ends (-1: nowhere)."""
     base = dp * dp + ds * ds
     end, edge = math.pi, -1.0
-    if kind == 2:
-        y = ((n - 1.0) * (n + 1.0) - base) / (4.0 * ss + 1e-300)
-        if y <= 0.0:
-            return 0.0, edge
-        if y < 1.0:
-            end = 2.0 * math.asin(math.sqrt(y))
+    if kind == 2 and base >= (n - 1.0) * (n + 1.0):
+        return 0.0, edge
     if ndf == 0:
         if dp == 0.0 or ds * ds > cut * alpha * alpha * dp * dp:
             return 0.0, edge
         y = cut * alpha * alpha * dp * dp / (4.0 * ss + 1e-300)
         if y < 1.0:
-            end = min(end, 2.0 * math.asin(math.sqrt(y)))
-    if kind == 1:
-        y = (4.0 * (n - 1.0) * (n + 1.0) - base) / (4.0 * ss + 1e-300)
+            end = 2.0 * math.asin(math.sqrt(y))
+    if kind > 0:
+        y = ((4.0 if kind == 1 else 1.0) * (n - 1.0) * (n + 1.0) - base) / (4.0 * ss + 1e-300)
         if 0.0 < y < 1.0:
             edge = 2.0 * math.asin(math.sqrt(y))
+    if edge >= end:
+        edge = -1.0
     return end, edge
 
 
 @kernel
-def _nodes(kind, ndf, alpha, n, dp, ds, ss, end, edge, first, widest, gauss, phi, value):
-    """Fill azimuths and weighted kernel values; returns how many.
+def _nodes(kind, surface, dp, ds, ss, line, bounds, steps, gauss, sine, value):
+    """Fill sin(phi/2) and weighted values of the kernel less its line; returns how many.
 
-    Panels double in width from the lobe outwards up to the widest; that after the end of total reflection is mapped
-    by a square, as F falls there like a root.
+    Panels grow with their distance from the lobe up to the widest; that after `edge` is mapped by a square, as F falls
+    there like a root.
     """
-    base = dp * dp + ds * ds
+    ndf, alpha, n = surface
+    end, edge = bounds
+    first, widest = steps
+    a2, base = alpha * alpha, dp * dp + ds * ds
     count = gauss.shape[1]
     used = 0
-    low = 0.0
-    width = min(first, widest)
+    low, width = 0.0, min(first, widest)
     while low < end:
         high = low + width
-        if high + 0.3 * width >= end or used + 3 * count > phi.size:
+        if high + 0.3 * width >= end or used + 3 * count > sine.size:
             high = end
-        rooted = edge >= 0.0 and low == edge
+        rooted = low == edge
         if edge > low and high > edge:
             high = edge
         for g in range(count):
-            y, w = gauss[0, g], gauss[1, g]
+            y, w = gauss[0, g], gauss[1, g] * (high - low) / math.pi
             if rooted:
                 w *= 2.0 * y
                 y *= y
-            f = low + (high - low) * y
-            h = math.sin(0.5 * f)
+            h = math.sin(0.5 * (low + (high - low) * y))
             rise = 4.0 * ss * h * h
             x = base + rise
-            if x > 0.0:
-                v = amplitude(kind, x, n) * _density(ndf, alpha, dp, ds, x, rise)
-                phi[used] = f
-                value[used] = v * w * (high - low) / math.pi
-                used += 1
+            if x <= 0.0:
+                continue
+            d = a2 / math.pi
+            if ndf == 1 and dp > 0.0:
+                over = ds * ds + a2 * dp * dp + rise
+                r = x / over
+                v = (amplitude(kind, x, n) - line[0] - line[1] * over) * d * r * r
+            elif ndf == 1:
+                v = amplitude(kind, x, n) * d
+            else:
+                r = x / (a2 * dp * dp)
+                v = amplitude(kind, x, n) * d * r * r * math.exp(-(ds * ds + rise) / (a2 * dp * dp))
+            sine[used], value[used] = h, v * w
+            used += 1
         low = high
-        width = min(max(low, width), widest)
+        width = min(2.0 * low, widest)
     return used
 
 
 @kernel
-def _sum_modes(used, phi, value, start, stop, scratch, out):
-    """Add up value cos(m phi) for m = start .. stop - 1 into out."""
+def _sum_modes(used, sine, value, start, stop, scratch, out):
+    """Write the sums of value cos(m phi), m = start .. stop - 1, into out."""
     padded = (used + LANES - 1) // LANES * LANES
     for g in range(used, padded):
-        phi[g], value[g] = 0.0, 0.0
+        sine[g], value[g] = 0.0, 0.0
     lanes = np.empty(LANES)
     for g in range(padded):
-        v, f = value[g], phi[g]
-        scratch[0, g] = v * math.cos((start - 1) * f)
-        scratch[1, g] = v * math.cos(start * f)
-        scratch[2, g] = 2.0 * math.cos(f)
+        v, c = value[g], 1.0 - 2.0 * sine[g] * sine[g]
+        scratch[0, g], scratch[1, g], scratch[2, g] = v * c, v, 2.0 * c
+        if start > 0:
+            f = 2.0 * math.asin(sine[g])
+            scratch[0, g], scratch[1, g] = v * math.cos((start - 1) * f), v * math.cos(start * f)
     for m in range(start, stop):
         for j in range(LANES):
             lanes[j] = 0.0
@@ -151,16 +191,45 @@ def _sum_modes(used, phi, value, start, stop, scratch, out):
 
 
 @kernel
-def _pair(kind, p, s, q, sq):
-    """Return dp (positive where light scatters so), ds and s s' of two states."""
-    dp = q - p if kind == 0 else p - q
-    ds = (p - q) * (p + q) / (s + sq + 1e-300) if kind < 2 else sq - s
-    return dp, ds, s * sq
+def _fill_row(kind, surface, dp, ds, ss, start, modes, reach, gauss, sine, value, scratch, row):
+    """Write modes start, start + 1, ... of one pair of states into row; tells whether there are any."""
+    ndf, alpha, n = surface
+    row[:] = 0.0
+    bounds = _range(kind, ndf, alpha, n, dp, ds, ss, 2.0 * reach)
+    if bounds[0] <= 0.0:
+        return False
+    total = start + row.size
+    w, most = largest(ndf, alpha, dp, ds, ss, reach)
+    # roots of A leave slow tails, which a few modes more hold, and edges leave slower ones
+    stop = int(min(most + 12.0, float(total))) if dp > 0.0 and bounds[1] < 0.0 else total
+    if stop <= start:
+        return False
+    line = 0.0, 0.0
+    closed = ndf == 1 and dp > 0.0 and _is_closed(kind, alpha, dp, ds)
+    if closed:
+        at, slope, eta, one, two, flat, first_mode = pole(kind, alpha, n, dp, ds, ss)
+        line = at, slope
+    size = gauss.shape[1]
+    steps = (max(1.5 * w, 1e-9) if dp > 0.0 else 1.0), 1.5 * size / stop
+    used = _nodes(kind, surface, dp, ds, ss, line, bounds, steps, gauss, sine, value)
+    _sum_modes(used, sine, value, start, stop, scratch, row)
+    if ndf == 1 and bounds[1] >= 0.0:
+        # the modes of an edge are let fade, as ending them at once would ripple far from it
+        for m in range(start, stop):
+            row[m - start] *= math.exp(-FADE * (m / modes) ** 16)
+    if closed:
+        for m in range(start, stop):
+            row[m - start] += math.exp(-m * eta) * (one + m * two)
+        if start == 0:
+            row[0] += flat
+        if start <= 1 < total:
+            row[1 - start] += first_mode
+    return True
 
 
 @parallel_kernel
-def integrate(kind, surface, p, s, panel, q, sq, panel_q, factors, start, count, reach, gauss, out):
-    """Fill out (count, A, B) with modes start .. start + count - 1 between states (p, s) and (q, sq).
+def integrate(kind, surface, p, s, panel, q, sq, panel_q, factors, start, count, modes, reach, gauss, square, out):
+    """Fill out (count, A, B), zeros before, with modes start .. start + count - 1 between states (p, s) and (q, sq).
 
     Parameters
     ----------
@@ -172,61 +241,38 @@ def integrate(kind, surface, p, s, panel, q, sq, panel_q, factors, start, count,
         Wave vectors of both sets of states and the panels they belong to, -1 for directions of a table.
     factors : ndarray (2, K, K)
         Of `one_sided`: for states of one panel.
+    modes : int
+        How many there will be in all.
     reach : float
         A mode is left out where the lobe has decayed by exp(-reach).
     gauss : ndarray (2, G)
         Rule on (0, 1).
+    square : bool
+        Both sets are the states of one side, so that each path is the reverse of another one.
     """
-    ndf, alpha, n = surface
     per = factors.shape[1]
+    last = p.size - 1
     size = gauss.shape[1]
-    total = start + count
-    capacity = size * (48 + int(math.pi * total / size)) + LANES
+    capacity = size * (48 + int(math.pi * (start + count) / size)) + LANES
     for a in numba.prange(p.size):
-        phi, value = np.empty(capacity), np.empty(capacity)
+        sine, value = np.empty(capacity), np.empty(capacity)
         scratch, row = np.empty((3, capacity)), np.empty(count)
-        for b in range(q.size):
-            dp, ds, ss = _pair(kind, p[a], s[a], q[b], sq[b])
+        for b in range(q.size - a if square else q.size):
+            dp, ds, ss = pair(kind, p[a], s[a], q[b], sq[b])
             same = panel[a] == panel_q[b] and panel[a] >= 0
-            out[:, a, b] = 0.0
             if dp < 0.0 or (dp == 0.0 and not same):
                 continue
-            end, edge = _range(kind, ndf, alpha, n, dp, ds, ss, 2.0 * reach)
-            if end <= 0.0:
-                continue
-            w, most = largest(ndf, alpha, dp, ds, ss, reach)
-            # edges and roots of the amplitude leave slow tails, which a few modes more hold
-            stop = int(min(most + 12.0, float(total))) if dp > 0.0 else total
-            if stop <= start:
-                continue
-            first = max(w, 1e-6) if dp > 0.0 else 1.0
-            used = _nodes(kind, ndf, alpha, n, dp, ds, ss, end, edge, first, 2.0 * size / stop, gauss, phi, value)
-            _sum_modes(used, phi, value, start, stop, scratch, row)
-            f = factors[0 if kind == 0 else 1, a % per, b % per] if same else 1.0
-            for m in range(stop - start):
-                out[m, a, b] = f * row[m]
-
-
-@kernel
-def _residue(kind, alpha, n, dp, ds, ss, order):
-    """Return mode `order` (real) of GGX's lobe alone: the double pole of D at X = (1 - alpha^2) dp^2."""
-    a2 = alpha * alpha
-    b = (1.0 - a2) * dp * dp
-    c = ds * ds + a2 * dp * dp
-    big_b = 2.0 * ss
-    root = math.sqrt(c * (c + 2.0 * big_b))
-    eta = 2.0 * math.asinh(math.sqrt(0.25 * c / (ss + 1e-300)))
-    value = amplitude(kind, max(b, 0.0), n)
-    # a secant over the width of the lobe stands for the slope, as A has edges
-    slope = (amplitude(kind, max(b, 0.0) + c, n) - value) / c
-    terms = (2.0 * b * value + b * b * slope) / root
-    terms += b * b * value * (order / (root * root) + (c + big_b) / (root * root * root))
-    return a2 / math.pi * math.exp(-order * eta) * terms
+            if _fill_row(kind, surface, dp, ds, ss, start, modes, reach, gauss, sine, value, scratch, row):
+                f = factors[0 if kind == 0 else 1, a % per, b % per] if same else 1.0
+                for m in range(count):
+                    out[m, a, b] = f * row[m]
+                    if square:
+                        out[m, last - b, last - a] = f * row[m]
 
 
 @parallel_kernel
 def lobes(kind, surface, p, s, q, sq, orders, reach, gauss, out):
-    """Fill out (M, A, B) with high modes of real order (M,), increasing; see `integrate`.
+    """Fill out (M, A, B), zeros before, with high modes of real order (M,), increasing; see `integrate`.
 
     GGX: the lobe's pole in closed form. Beckmann: by quadrature, the lobe being narrow and nothing beside it.
     """
@@ -235,27 +281,29 @@ def lobes(kind, surface, p, s, q, sq, orders, reach, gauss, out):
     top = orders[orders.size - 1]
     capacity = size * 96 + LANES
     for a in numba.prange(p.size):
-        phi, value = np.empty(capacity), np.empty(capacity)
+        sine, value = np.empty(capacity), np.empty(capacity)
         for b in range(q.size):
-            out[:, a, b] = 0.0
-            dp, ds, ss = _pair(kind, p[a], s[a], q[b], sq[b])
+            dp, ds, ss = pair(kind, p[a], s[a], q[b], sq[b])
             if dp <= 0.0 or ss <= 0.0:
                 continue
             w, most = largest(ndf, alpha, dp, ds, ss, reach)
-            if most < orders[0]:
+            bounds = _range(kind, ndf, alpha, n, dp, ds, ss, 2.0 * reach)
+            if most < orders[0] or bounds[0] <= 0.0:
                 continue
             if ndf == 1:
+                if not _is_closed(kind, alpha, dp, ds):
+                    continue
+                _, _, eta, one, two, _, _ = pole(kind, alpha, n, dp, ds, ss)
                 for m in range(orders.size):
                     if orders[m] <= most:
-                        out[m, a, b] = _residue(kind, alpha, n, dp, ds, ss, orders[m])
+                        out[m, a, b] = math.exp(-orders[m] * eta) * (one + orders[m] * two)
                 continue
-            end, edge = _range(kind, ndf, alpha, n, dp, ds, ss, 2.0 * reach)
-            if end <= 0.0:
-                continue
-            widest = 2.0 * size / min(most, top)
-            used = _nodes(kind, ndf, alpha, n, dp, ds, ss, end, edge, max(w, 1e-9), widest, gauss, phi, value)
+            steps = max(1.5 * w, 1e-9), 1.5 * size / min(most, top)
+            used = _nodes(kind, surface, dp, ds, ss, (0.0, 0.0), bounds, steps, gauss, sine, value)
+            for g in range(used):
+                sine[g] = 2.0 * math.asin(sine[g])
             for m in range(orders.size):
                 total = 0.0
                 for g in range(used):
-                    total += value[g] * math.cos(orders[m] * phi[g])
+                    total += value[g] * math.cos(orders[m] * sine[g])
                 out[m, a, b] = total

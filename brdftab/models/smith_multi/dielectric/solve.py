@@ -88,7 +88,7 @@ class System:
         self.surface = ndf, alpha, n
         self.views = directions(theta, n)
         edges = self.views.p if extra is None else np.concatenate([self.views.p, extra])
-        self.above, self.below = build(edges, n, ndf, alpha, level)
+        self.above, self.below = build(edges, self.views.p.size, n, ndf, alpha, level)
         self.factors = one_sided(level.nodes)
         limits = [self._mode_limit(self.views.p, self.views.s, below) for below in (False, True)]
         self.limits = np.where(self.views.below, limits[1], limits[0])
@@ -111,8 +111,9 @@ class System:
         """Return the function that makes blocks of modes start .. start + count - 1."""
 
         def block(kind: int, a: States, b: States) -> Array:
-            out = np.empty((count, a[0].size, b[0].size))
-            integrate(kind, self.surface, *a, *b, self.factors, start, count, self.level.reach, self.gauss, out)
+            out = np.zeros((count, a[0].size, b[0].size))
+            rule = self.level.modes, self.level.reach, self.gauss
+            integrate(kind, self.surface, *a, *b, self.factors, start, count, *rule, a is b, out)
             return out
 
         return block
@@ -136,7 +137,7 @@ class System:
         """
 
         def block(kind: int, a: States, b: States) -> Array:
-            out = np.empty((orders.size, a[0].size, b[0].size))
+            out = np.zeros((orders.size, a[0].size, b[0].size))
             lobes(kind, self.surface, a[0], a[1], b[0], b[1], orders, self.level.reach, self.gauss, out)
             return out
 

@@ -20,6 +20,8 @@ from brdftab.models.smith_multi.dielectric.levels import Level
 Array = NDArray[np.float64]
 # edges closer than this are one edge
 CLOSE = 1e-12
+# no finer panels at the horizon for directions below this elevation
+LOWEST = 1e-3
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,7 @@ class Side:
     panel: NDArray[np.int64]
 
 
-def _limit(p: float, index: float, n: float, alpha: float, level: Level) -> float:
+def _limit(p: float, index: float, n: float, alpha: float, lowest: float, level: Level) -> float:
     """Return the widest panel (radians) that resolves the lobes around p on one side."""
     q = (n - 1.0) * (n + 1.0)
     size = abs(p)
@@ -56,11 +58,13 @@ def _limit(p: float, index: float, n: float, alpha: float, level: Level) -> floa
         lobe = min(lobe, alpha * (math.sqrt(q + p * p) - size) / size)
     elif p * p > q:
         lobe = min(lobe, alpha * (size - math.sqrt(p * p - q)) / size)
-    return min(level.width, level.lobe * lobe, level.grading * (alpha + elevation))
+    return min(level.width, level.lobe * lobe, level.grading * (lowest + elevation))
 
 
-def _edges(required: Array, n: float, alpha: float, level: Level) -> Array:
+def _edges(required: Array, directions: int, n: float, alpha: float, level: Level) -> Array:
     """Return the edges on [0, n]: the required ones, and between them as many as both sides ask for."""
+    # the azimuth modes of grazing light vary on the scale of its elevation, but not for ever
+    lowest = max(float(np.abs(required[:directions]).min()), LOWEST)
     done = [0.0]
     stack = sorted(({float(n), 1.0} | {float(abs(p)) for p in required if abs(p) > CLOSE}), reverse=True)
     while stack:
@@ -74,7 +78,7 @@ def _edges(required: Array, n: float, alpha: float, level: Level) -> Array:
                 continue
             a, b = math.asin(low / index), math.asin(high / index)
             middle = index * math.sin(0.5 * (a + b))
-            if b - a > _limit(middle, index, n, alpha, level) and min(middle - low, high - middle) > CLOSE:
+            if b - a > _limit(middle, index, n, alpha, lowest, level) and min(middle - low, high - middle) > CLOSE:
                 split = middle
         if split > 0.0:
             stack.append(split)
@@ -83,13 +87,15 @@ def _edges(required: Array, n: float, alpha: float, level: Level) -> Array:
     return np.array(done)
 
 
-def build(required: Array, n: float, ndf: int, alpha: float, level: Level) -> tuple[Side, Side]:
+def build(required: Array, directions: int, n: float, ndf: int, alpha: float, level: Level) -> tuple[Side, Side]:
     """Return the states above and below.
 
     Parameters
     ----------
     required : ndarray
-        p of every direction of light or view.
+        p where panels end: first those of every direction of light or view.
+    directions : int
+        How many of them are directions.
     n : float
         Index below the surface, > 1.
     ndf : int
@@ -99,7 +105,7 @@ def build(required: Array, n: float, ndf: int, alpha: float, level: Level) -> tu
     level : Level
         Resolution.
     """
-    edges = _edges(required, n, alpha, level)
+    edges = _edges(required, directions, n, alpha, level)
     x, w = unit_gauss(level.nodes)
     width = np.diff(edges)
     half = (edges[:-1, None] + width[:, None] * x).ravel()

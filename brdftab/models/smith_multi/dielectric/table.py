@@ -104,7 +104,7 @@ class Prepared:
 
     def __init__(self, setup: Setup, tolerance: float, orders: int = 0) -> None:
         assert setup.fresnel is not None
-        self._setup, self._level = setup, level(tolerance)
+        self._setup, self._level = setup, level(tolerance, setup.alpha_x)
         self._layers = len(component_names(setup, orders)) if orders else 1
         index = np.broadcast_to(setup.fresnel.a, len(setup.channels))
         # channels of the same index share everything
