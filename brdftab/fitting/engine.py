@@ -134,6 +134,7 @@ class Fitter:
         self.channels = data.values.shape[1]
         self.times = {"compile": 0.0, "starts": 0.0, "first_stage": 0.0, "polish": 0.0}
         self.robust = options.robust is not None
+        self.angles = (data.theta_i, data.theta_o, data.phi)
         self._pack()
         self.low, self.high = total.bounds(self.channels)
 
@@ -195,7 +196,7 @@ class Fitter:
         """Run all stages with one rule."""
         options, clock = self.options, time.perf_counter
         made, fixed = gram.problem(self.total, options.loss, self.robust, rule)
-        self.made, self.fixed = made, (gram.channel_fixed(fixed, self.channels), gram.rules(made, rule))
+        self.made, self.fixed = made, (gram.channel_fixed(fixed, self.channels), gram.rules(made, rule, self.angles))
         scale = 1e6 if self.robust else 1.0
         chunks = -(-self.few.theta_i.size // gram.CHUNK)
         compiled, began = self.times["compile"], clock()
@@ -250,11 +251,14 @@ class Fitter:
         return max(1.5 * losses.robust_scale(r[few.weight > 0.0]), 1e-12)
 
     def predict(self, x: Array, theta_i: Array, theta_o: Array, phi: Array, rule: float | None = None) -> Array:
-        """Return the fitted sum (N, C) in 1/sr by the twins; `rule` asks for other nodes than those of the fit."""
+        """Return the fitted sum (N, C) in 1/sr by the twins; `rule` asks for other nodes than those of the fit.
+
+        The directions are some of the data's.
+        """
         made, fixed = self.made, self.fixed
         if rule is not None:
             made = replace(made, statics=tuple(replace(s, tolerance=_traced(s, rule)) for s in made.statics))
-            fixed = (fixed[0], gram.rules(made, rule))
+            fixed = (fixed[0], gram.rules(made, rule, self.angles))
         d = directions(theta_i, theta_o, phi, np.zeros_like(theta_i))
         parts = []
         # many points are worth a program of their own
@@ -281,7 +285,7 @@ class Fitter:
         return np.asarray(again.x[0] - outcome.x)
 
 
-INTEGRATING = frozenset({"ilm", "vgroove-sym", "vgroove-nonsym"})
+INTEGRATING = frozenset({"ilm", "vgroove-sym", "vgroove-nonsym", "smith-multi"})
 
 
 def _traced(static: Any, rule: float) -> float:

@@ -3,7 +3,8 @@
 A chunk's Jacobian and residual are summed at once into the Gram matrix of [J r], so that memory does not grow with
 the number of points. Its Cholesky factor R stands for the whole problem: R[:, -1] as residual and R[:, :-1] as Jacobian
 have the same cost, gradient and J^T J. The costly part of a model that its channels share goes through its loops once a
-chunk, with one tangent for each shared parameter that it depends on.
+chunk, with one tangent for each shared parameter that it depends on. What no single direction enters (``prepare`` of a
+twin) is computed once a pass, for every channel.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ from brdftab.fitting.terms import Sum
 from brdftab.models import twin
 from brdftab.models.microfacet.twin.frame import Directions, directions
 from brdftab.models.microfacet.twin.static import Static
-from brdftab.models.twins import split
+from brdftab.models.twins import numbers as angle_numbers
+from brdftab.models.twins import prepared, split
 
 Array = NDArray[np.float64]
 CHUNK = 1024
@@ -114,13 +116,17 @@ def problem(total: Sum, loss: str, robust: bool, tolerance: float) -> tuple[Prob
     return made, tuple(fixed)
 
 
-def rules(made: Problem, tolerance: float) -> tuple[dict[str, Array], ...]:
-    """Return the nodes of each term that takes them as numbers: one compiled program serves every tolerance."""
-    modules = (twin(static.model) for static in made.statics)
-    return tuple(
-        m.rule_nodes(static, tolerance) if hasattr(m, "rule_nodes") else {}
-        for m, static in zip(modules, made.statics, strict=True)
-    )
+def rules(made: Problem, tolerance: float, angles: Sequence[Array] = ()) -> tuple[dict[str, Any], ...]:
+    """Return the nodes of each term that takes them as numbers: one compiled program serves every tolerance.
+
+    `angles` are the data's theta_i, theta_o and phi, (N,) in radians, from which terms that solve choose where.
+    """
+    found = []
+    for static in made.statics:
+        module = twin(static.model)
+        fixed = module.rule_nodes(static, tolerance) if hasattr(module, "rule_nodes") else {}
+        found.append({**fixed, **(angle_numbers(static, *angles) if len(angles) else {})})
+    return tuple(found)
 
 
 def channel_fixed(fixed: Sequence[dict[str, Array]], channels: int) -> tuple[dict[str, Array], ...]:
@@ -194,6 +200,56 @@ def _value(made: Problem, params: Sequence[dict[str, Any]], shapes: Any, d: Dire
     return total
 
 
+def _solved(made: Problem, shared: Any, own: Any, fixed: Any) -> tuple[Any, ...]:
+    """Return what each term prepares, arrays with a leading axis of channels; nothing for terms that do not."""
+    numbers, rules = fixed
+    found: list[Any] = []
+    for at, static in enumerate(made.statics):
+        if not hasattr(twin(static.model), "prepare"):
+            found.append({})
+            continue
+
+        def one(mine: Any, kept: Any, at: int = at, **optics: Any) -> Any:
+            p = _parameters(made, shared, mine, kept, rules)[at]
+            return prepared(made.statics[at], {**p, **optics})
+
+        term = numbers[at]
+        if "weights" not in term:
+            found.append(jax.vmap(one)(own, numbers))
+            continue
+        # channels have their wavelengths in common; what is prepared is linear in the light that it stands for
+        first = jax.tree.map(lambda v: v[0], numbers)
+        waves = jax.vmap(lambda a, b, one=one, first=first: one(own[0], first, a=a, b=b))(term["a"][0], term["b"][0])
+        share = term["weights"] / jnp.sum(term["weights"], 1, keepdims=True)
+        found.append(jax.tree.map(lambda v, share=share: jnp.tensordot(share, v, 1), waves))
+    return tuple(found)
+
+
+def _pushed(made: Problem, x: Any, fixed: Any) -> tuple[Any, Any]:
+    """Return `_solved` and its tangents, one for each entry of a channel, on an axis after that of the channels."""
+    ns, no = len(made.shared), len(made.own)
+    own = x[ns:].reshape(-1, no) if no else jnp.zeros((next(iter(fixed[0][0].values())).shape[0], 0))
+    entries = [n for n, s in enumerate(made.shared + made.own) if hasattr(twin(made.statics[s.term].model), "prepare")]
+    if not entries:
+        found = _solved(made, x[:ns], own, fixed)
+        return found, jax.tree.map(lambda v: jnp.zeros((v.shape[0], ns + no, *v.shape[1:])), found)
+    rows = np.array(entries)
+    steps = jnp.eye(ns + no)
+
+    def push(t: Any) -> Any:
+        # every channel depends on its own entries alone
+        step = (t[:ns], jnp.broadcast_to(t[ns:], own.shape))
+        return jax.jvp(lambda u, v: _solved(made, u, v, fixed), (x[:ns], own), step)
+
+    found, moved = jax.vmap(push, out_axes=(None, 0))(steps[rows])
+    return found, jax.tree.map(lambda m: jnp.moveaxis(jnp.tensordot(steps[:, rows], m, 1), 0, 1), moved)
+
+
+def _joined(params: Sequence[dict[str, Any]], solved: Sequence[Any]) -> list[dict[str, Any]]:
+    """Return the parameters of each term with what it has prepared."""
+    return [{**p, **s} for p, s in zip(params, solved, strict=True)]
+
+
 def values(made: Problem, x: Any, fixed: Any, d: Directions) -> Any:
     """Return the fitted sum (C, N) in 1/sr at packed directions (N,)."""
     ns = len(made.shared)
@@ -203,11 +259,11 @@ def values(made: Problem, x: Any, fixed: Any, d: Directions) -> Any:
     first = jax.tree.map(lambda v: v[0], numbers)
     base = _shapes(made, _parameters(made, x[:ns], own[0], first, rules), d) if made.common else None
 
-    def one(mine: Any, kept: Any) -> Any:
-        params = _parameters(made, x[:ns], mine, kept, rules)
+    def one(mine: Any, kept: Any, solved: Any) -> Any:
+        params = _joined(_parameters(made, x[:ns], mine, kept, rules), solved)
         return _value(made, params, _shapes(made, params, d) if base is None else base, d)
 
-    return jax.vmap(one)(own, numbers)
+    return jax.vmap(one)(own, numbers, _solved(made, x[:ns], own, fixed))
 
 
 def _residual(made: Problem, f: Any, chunk: Any, scale: Any) -> tuple[Any, Any]:
@@ -221,8 +277,11 @@ def _residual(made: Problem, f: Any, chunk: Any, scale: Any) -> tuple[Any, Any]:
     return soft_l1(r, scale), r
 
 
-def _chunk(made: Problem, x: Any, fixed: Any, scale: Any, chunk: Data) -> tuple[Any, Any, Any]:
-    """Return J (C, m, N), the residual and the plain residual (C, N) of one chunk; m = shared and own entries."""
+def _chunk(made: Problem, x: Any, fixed: Any, solved: Any, scale: Any, chunk: Data) -> tuple[Any, Any, Any]:
+    """Return J (C, m, N), the residual and the plain residual (C, N) of one chunk; m = shared and own entries.
+
+    `solved` comes from `_pushed`.
+    """
     ns, no = len(made.shared), len(made.own)
     channels = chunk.target.shape[0]
     shared, own = x[:ns], x[ns:].reshape(channels, no)
@@ -246,25 +305,26 @@ def _chunk(made: Problem, x: Any, fixed: Any, scale: Any, chunk: Data) -> tuple[
             base = shape_of(shared, own[0], first)
             tangents = jax.tree.map(lambda v: jnp.zeros((ns + no, *v.shape), v.dtype), base)
 
-    def channel(mine: Any, kept: Any, data: Any) -> Any:
-        def f(u: Any, v: Any, shapes: Any) -> Any:
-            params = _parameters(made, u, v, kept, rules)
+    def channel(mine: Any, kept: Any, data: Any, ready: Any, steered: Any) -> Any:
+        def f(u: Any, v: Any, own_solved: Any, shapes: Any) -> Any:
+            params = _joined(_parameters(made, u, v, kept, rules), own_solved)
             found = _value(made, params, shapes if shapes is not None else _shapes(made, params, chunk.d), chunk.d)
             return _residual(made, found, (*data, chunk.d.ci), scale)
 
         if made.common:
             with_shapes = jax.vmap(
-                lambda t, s: jax.jvp(f, (shared, mine, base), (t[:ns], t[ns:], s)), out_axes=(None, 0)
+                lambda t, z, s: jax.jvp(f, (shared, mine, ready, base), (t[:ns], t[ns:], z, s)), out_axes=(None, 0)
             )
-            (r, plain), (dr, _) = with_shapes(steps, tangents)
+            (r, plain), (dr, _) = with_shapes(steps, steered, tangents)
         else:
             whole = jax.vmap(
-                lambda t: jax.jvp(lambda u, v: f(u, v, None), (shared, mine), (t[:ns], t[ns:])), out_axes=(None, 0)
+                lambda t, z: jax.jvp(lambda u, v, w: f(u, v, w, None), (shared, mine, ready), (t[:ns], t[ns:], z)),
+                out_axes=(None, 0),
             )
-            (r, plain), (dr, _) = whole(steps)
+            (r, plain), (dr, _) = whole(steps, steered)
         return dr, r, plain
 
-    return jax.vmap(channel)(own, numbers, (chunk.target, chunk.weight, chunk.saturated))
+    return jax.vmap(channel)(own, numbers, (chunk.target, chunk.weight, chunk.saturated), *solved)
 
 
 class Sums(NamedTuple):
@@ -287,9 +347,11 @@ def sums(made: Problem, x: Any, fixed: Any, scale: Any, data: Any, used: Any) ->
         to = [*range(ns), *range(ns + c * no, ns + (c + 1) * no), size]
         place[c, np.arange(ns + no + 1), to] = 1.0
 
+    solved = _pushed(made, x, fixed)
+
     def step(n: Any, kept: Any) -> Any:
         rows = jax.lax.dynamic_index_in_dim(data, n, 0, keepdims=False)
-        jac, r, plain = _chunk(made, x, fixed, scale, unpack(rows))
+        jac, r, plain = _chunk(made, x, fixed, solved, scale, unpack(rows))
         both = jnp.concatenate([jac, r[:, None]], 1)
         blocks = jnp.einsum("can,cbn->cab", both, both)
         bread = blocks[:, :-1, :-1]

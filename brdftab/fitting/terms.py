@@ -205,6 +205,8 @@ def _variable(name: str, term: int, model: Model, param: str) -> Variable:
         if model.name == "vgroove-nonsym":
             # a hair inside what Phong allows serves the other distributions, too
             high = min(high, 10.0)
+        least, most = getattr(twin(model.name), "BOUNDS", {}).get(param, (low, high))
+        low, high = max(low, least), min(high, most)
     # one refractive index for all channels, everything else that can differ by channel does
     channels = declared.kind == "channels" and param != "ior"
     return Variable(name, term, param, channels, low, high, rough or param in LOGARITHMIC)

@@ -182,6 +182,10 @@ def shader(name: str) -> str:
 def twin(name: str) -> ModuleType:
     """Import and return a model's JAX twin: ``shapes``, ``value`` and ``SHAPE_PARAMS``.
 
+    Some have more: ``rule_nodes`` (nodes of a tolerance as numbers), ``nodes`` (numbers that follow from the data's
+    angles), ``prepare`` (the costly part that no single point enters), ``check`` (refuses choices that have no twin),
+    ``BOUNDS`` (of a fit's roughness, narrower than declared).
+
     Raises
     ------
     ParameterError

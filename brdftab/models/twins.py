@@ -69,19 +69,35 @@ def split(setup: Setup, tolerance: float = 1e-9, precision: str = "float64") -> 
     return static, params
 
 
-def channel_values(static: Static, params: dict[str, Any], d: Directions) -> Any:
+def numbers(static: Static, theta_i: Any, theta_o: Any, phi: Any) -> dict[str, Any]:
+    """Return what a twin's ``nodes`` makes of the data's angles (N,), under that name; nothing for twins without."""
+    module = models.twin(static.model)
+    return {"nodes": module.nodes(static, theta_i, theta_o, phi)} if hasattr(module, "nodes") else {}
+
+
+def prepared(static: Static, p: dict[str, Any]) -> dict[str, Any]:
+    """Return what a twin's ``prepare`` makes of one channel's parameters, under the name ``prepared``; else nothing.
+
+    It is what does not depend on the single point and is costly: worth doing once a set of parameters.
+    """
+    module = models.twin(static.model)
+    return {"prepared": module.prepare(static, p)} if hasattr(module, "prepare") else {}
+
+
+def channel_values(static: Static, params: dict[str, Any], d: Directions, given: dict[str, Any] | None = None) -> Any:
     """Return (N, C) in 1/sr from JAX parameters as `split` gives them; to be traced with `static` fixed.
 
     Entries of size 1 are shared by all channels. The shapes are computed once, unless they depend on a parameter that
-    has one entry a channel.
+    has one entry a channel. `given` comes from `numbers`.
     """
     module = models.twin(static.model)
     own = {k: v for k, v in params.items() if k != "weights" and v.shape[0] > 1}
-    shared = {k: v[0] for k, v in params.items() if k != "weights" and v.shape[0] == 1}
+    shared = {k: v[0] for k, v in params.items() if k != "weights" and v.shape[0] == 1} | (given or {})
     common = None if own.keys() & set(module.SHAPE_PARAMS) else module.shapes(static, shared, d)
 
     def one(mine: dict[str, Any]) -> Any:
         p = {**shared, **mine}
+        p |= prepared(static, p)
         return module.value(static, p, module.shapes(static, p, d) if common is None else common, d)
 
     values = jax.vmap(one, out_axes=1)(own) if own else one({})[:, None]
@@ -89,14 +105,16 @@ def channel_values(static: Static, params: dict[str, Any], d: Directions) -> Any
 
 
 @partial(jax.jit, static_argnums=0)
-def _values(static: Static, params: dict[str, Any], d: Directions) -> Any:
-    return channel_values(static, params, d)
+def _values(static: Static, params: dict[str, Any], d: Directions, given: dict[str, Any]) -> Any:
+    return channel_values(static, params, d, given)
 
 
 @partial(jax.jit, static_argnums=0)
-def _tangents(static: Static, params: dict[str, Any], tangents: dict[str, Any], d: Directions) -> Any:
+def _tangents(
+    static: Static, params: dict[str, Any], tangents: dict[str, Any], d: Directions, given: dict[str, Any]
+) -> Any:
     def f(p: dict[str, Any]) -> Any:
-        return channel_values(static, p, d)
+        return channel_values(static, p, d, given)
 
     return jax.jvp(f, (params,), (tangents,))[1]
 
@@ -137,7 +155,8 @@ def evaluate(
         If the model has no twin.
     """
     static, params = split(setup, tolerance)
-    return _full(setup, _values(static, params, directions(theta_i, theta_o, phi, phi_i)))
+    d = directions(theta_i, theta_o, phi, phi_i)
+    return _full(setup, _values(static, params, d, numbers(static, *d[:3])))
 
 
 def derivative(
@@ -185,4 +204,5 @@ def derivative(
         raise ParameterError.out_of_range("channel", channel, f"[0, {size - 1}]", f"{name} has {size} entries")
     tangents = {k: np.zeros_like(v) for k, v in params.items()}
     tangents[name][slice(None) if channel is None else channel] = 1.0
-    return _full(setup, _tangents(static, params, tangents, directions(theta_i, theta_o, phi, phi_i)))
+    d = directions(theta_i, theta_o, phi, phi_i)
+    return _full(setup, _tangents(static, params, tangents, d, numbers(static, *d[:3])))

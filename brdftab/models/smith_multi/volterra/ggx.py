@@ -29,8 +29,10 @@ __all__ = ["Fit", "fit", "modes", "pairs", "reach", "weight"]
 DEEPEST = 200.0
 # a pole's own modes end here, relative to 1
 POLE_DEPTH = 45.0
-# poles nearer to -b than this, relatively, are taken as a mean over neighbours, where no digits cancel
-NEAR, STEP = 0.004, 0.01
+# above alpha = 1 b is negative: a pole nearer to -b than this part of it is replaced by two at either side
+NEAR = 0.002
+# listed pairs in a row of the kernel
+BLOCK = 64
 # half a difference of angles is taken as at least this, so that equal directions give 0 and not 0/0
 LEAST = 1e-120
 
@@ -57,18 +59,32 @@ def _frame(a2, sine, mean, ss, count, g):
 
 
 @kernel
-def _main_terms(a2, constant, coefficients, scales, count, g, p, q, value, slope):
+def _aside(x, g, count, shift):
+    """Write how far to move a pole that all but cancels b to either side, so that partial fractions keep digits."""
+    for n in range(count):
+        shift[n] = 2.0 * NEAR * x if abs(g[1, n] + x) < NEAR * x else 0.0
+
+
+@kernel
+def _main_terms(a2, constant, coefficients, scales, count, g, p, q, value, slope, shift):
     """Fill p, q (W, count): the main part of K_m is exp(-m eta) (p + m q)."""
     front = a2 / (4.0 * math.pi)
+    sides = 2 if a2 > 1.0 else 1
+    for n in range(count):
+        shift[n] = 0.0
     for w in range(constant.size):
         for n in range(count):
             value[n], slope[n] = constant[w], 0.0
         for j in range(scales.size):
-            f, x = coefficients[w, j], scales[j]
-            for n in range(count):
-                r = 1.0 / (g[1, n] + x)
-                value[n] += f * r
-                slope[n] -= f * r * r
+            f, x = coefficients[w, j] / sides, scales[j]
+            if sides == 2:
+                _aside(x, g, count, shift)
+            for side in range(sides):
+                sign = 1.0 - 2.0 * side
+                for n in range(count):
+                    r = 1.0 / (g[1, n] + x + sign * shift[n])
+                    value[n] += f * r
+                    slope[n] -= f * r * r
         for n in range(count):
             b, one = g[1, n], 1.0 / g[5, n]
             big = b * b * value[n]
@@ -78,10 +94,34 @@ def _main_terms(a2, constant, coefficients, scales, count, g, p, q, value, slope
 
 
 @kernel
+def _pole(a2, orders, coefficients, x, count, g, sign, part, value, out):
+    """Add the modes of one pole, with coefficients (W,), moved by sign times part[2]."""
+    front, least = a2 / (4.0 * math.pi), math.inf
+    for n in range(count):
+        moved = x + sign * part[2, n]
+        c = g[0, n] + moved
+        ratio = moved / (moved + g[1, n])
+        part[0, n] = _decay(c, g[3, n])
+        part[1, n] = front * ratio * ratio / math.sqrt(c * (c + 4.0 * g[3, n]))
+    for n in range(count):
+        least = min(least, part[0, n])
+    for k in range(orders.size):
+        m = orders[k]
+        if m * least > POLE_DEPTH:
+            break
+        for n in range(count):
+            value[n] = part[1, n] * exponential(-min(m * part[0, n], DEEPEST))
+        for w in range(coefficients.size):
+            f = coefficients[w]
+            for n in range(count):
+                out[w, k, n] += f * value[n]
+
+
+@kernel
 def _row(a2, orders, constant, coefficients, scales, count, g, p, q, part, value, slope, out):
     """Fill out (W, M, count) with all modes of a row of pairs whose frame is g."""
     front = a2 / (4.0 * math.pi)
-    _main_terms(a2, constant, coefficients, scales, count, g, p, q, value, slope)
+    _main_terms(a2, constant, coefficients, scales, count, g, p, q, value, slope, part[2])
     for k in range(orders.size):
         m = orders[k]
         for n in range(count):
@@ -90,44 +130,38 @@ def _row(a2, orders, constant, coefficients, scales, count, g, p, q, part, value
             add = front * constant[w] if m == 0.0 else 0.0
             for n in range(count):
                 out[w, k, n] = value[n] * (p[w, n] + m * q[w, n]) + add
+    for n in range(count):
+        part[2, n] = 0.0
     for j in range(scales.size):
-        x, least = scales[j], math.inf
-        for n in range(count):
-            c = g[0, n] + x
-            ratio = x / (x + g[1, n])
-            part[0, n] = _decay(c, g[3, n])
-            part[1, n] = front * ratio * ratio / math.sqrt(c * (c + 4.0 * g[3, n]))
-        for n in range(count):
-            least = min(least, part[0, n])
-        for k in range(orders.size):
-            m = orders[k]
-            if m * least > POLE_DEPTH:
-                break
-            for n in range(count):
-                value[n] = part[1, n] * exponential(-min(m * part[0, n], DEEPEST))
-            for w in range(constant.size):
-                f = coefficients[w, j]
-                for n in range(count):
-                    out[w, k, n] += f * value[n]
+        if a2 > 1.0:
+            _aside(scales[j], g, count, part[2])
+            half = 0.5 * coefficients[:, j]
+            _pole(a2, orders, half, scales[j], count, g, 1.0, part, value, out)
+            _pole(a2, orders, half, scales[j], count, g, -1.0, part, value, out)
+        else:
+            _pole(a2, orders, 1.0 * coefficients[:, j], scales[j], count, g, 0.0, part, value, out)
 
 
 @kernel
 def _scratch(size, count):
     """Return the working rows of `_row`."""
-    rows = np.empty((6, count)), np.empty((size, count)), np.empty((size, count)), np.empty((2, count))
+    rows = np.empty((6, count)), np.empty((size, count)), np.empty((size, count)), np.empty((3, count))
     return rows[0], rows[1], rows[2], rows[3], np.empty(count), np.empty(count)
 
 
 @parallel_kernel
-def _modes(half_a, half_b, a2, orders, constant, coefficients, scales, out):
-    count = half_b.shape[1]
+def _modes(half_a, half_b, paired, a2, orders, constant, coefficients, scales, out):
+    """Fill out (W, M, A, B); the directions are (4, A, 1) and (4, 1, B), or all (4, A, B) if they are paired."""
+    count = half_b.shape[2]
     size = constant.size
+    # pairs and lists of directions share this kernel, as it takes long to compile
     for i in numba.prange(half_a.shape[1]):
-        sa, ca, za, ra = half_a[0, i], half_a[1, i], half_a[2, i], half_a[3, i]
-        # the betas increase, so that those above d_z come last
+        row = np.int64(i) if paired else np.int64(0)
         first = 0
-        while first < count and half_b[2, first] <= za:
-            first += 1
+        if not paired:
+            # the betas increase, so that those above d_z come last
+            while first < count and half_b[2, 0, first] <= half_a[2, i, 0]:
+                first += 1
         left = count - first
         for w in range(size):
             for k in range(orders.size):
@@ -136,31 +170,17 @@ def _modes(half_a, half_b, a2, orders, constant, coefficients, scales, out):
         if left == 0:
             continue
         sine, mean, ss = np.empty(left), np.empty(left), np.empty(left)
+        sa, ca, ra = half_a[0, i, 0], half_a[1, i, 0], half_a[3, i, 0]
         for n in range(left):
-            sb, cb = half_b[0, first + n], half_b[1, first + n]
+            if paired:
+                sa, ca, ra = half_a[0, i, n], half_a[1, i, n], half_a[3, i, n]
+            sb, cb = half_b[0, row, first + n], half_b[1, row, first + n]
             sine[n] = sb * ca - cb * sa
             mean[n] = sb * ca + cb * sa
-            ss[n] = ra * half_b[3, first + n]
+            ss[n] = ra * half_b[3, row, first + n]
         g, p, q, part, value, slope = _scratch(size, left)
         _frame(a2, sine, mean, ss, left, g)
         _row(a2, orders, constant, coefficients, scales, left, g, p, q, part, value, slope, out[:, :, i, first:])
-
-
-@parallel_kernel
-def _pairs(beta_a, beta_b, a2, orders, constant, coefficients, scales, block, out):
-    total = beta_a.size
-    for index in numba.prange((total + block - 1) // block):
-        first = np.int64(index) * block
-        left = min(block, total - first)
-        sine, mean, ss = np.empty(left), np.empty(left), np.empty(left)
-        for n in range(left):
-            a, b = beta_a[first + n], beta_b[first + n]
-            sine[n] = math.sin(0.5 * (b - a))
-            mean[n] = math.sin(0.5 * (b + a))
-            ss[n] = math.cos(a) * math.cos(b)
-        g, p, q, part, value, slope = _scratch(constant.size, left)
-        _frame(a2, sine, mean, ss, left, g)
-        _row(a2, orders, constant, coefficients, scales, left, g, p, q, part, value, slope, out[:, :, first:])
 
 
 def _halves(beta: np.ndarray) -> np.ndarray:
@@ -187,7 +207,7 @@ def modes(
         Where to write K_m, 1/sr; 0 where d_z does not increase.
     """
     surface = (alpha * alpha, orders, fitted.constant, fitted.coefficients, fitted.scales)
-    _modes(_halves(beta_a), _halves(beta_b), *surface, out)
+    _modes(_halves(beta_a)[:, :, None], _halves(beta_b)[:, None], False, *surface, out)
 
 
 def pairs(
@@ -195,7 +215,12 @@ def pairs(
 ) -> None:
     """Fill out (W, M, N) with the modes of N listed pairs, beta_b > beta_a; otherwise as `modes`."""
     surface = (alpha * alpha, orders, fitted.constant, fitted.coefficients, fitted.scales)
-    _pairs(beta_a, beta_b, *surface, 256, out)
+    rows = -(-beta_a.size // BLOCK)
+    # padded by repeating the last pair
+    place = np.minimum(np.arange(rows * BLOCK), beta_a.size - 1).reshape(rows, BLOCK)
+    found = np.empty((*out.shape[:2], rows, BLOCK))
+    _modes(_halves(beta_a[place]), _halves(beta_b[place]), True, *surface, found)
+    out[:] = found.reshape(*out.shape[:2], -1)[:, :, : beta_a.size]
 
 
 def reach(alpha: float, beta_a: np.ndarray, beta_b: np.ndarray, decay: float) -> np.ndarray:

@@ -72,10 +72,11 @@ def evaluate(
     for group in _groups(low, high):
         source, place = np.unique(np.stack([low[group], high[group]]), return_inverse=True)
         a, b = place.reshape(2, -1)
-        every = reached(setup, setting, source)
-        needed = every[a, b]
+        needed = reached(setup, setting, source)[a, b]
+        listed = np.zeros((source.size, source.size))
+        listed[b, a] = needed
         layers = max(0, orders - 1)
-        solved, chosen = solved_sources(setup, setting, source, layers, every, float(needed.max()), fitted)
+        solved, chosen = solved_sources(setup, setting, source, layers, listed, float(needed.max()), fitted)
         shape = solved.values.shape[:2]
         values = np.zeros((*shape, group.size, chosen.nodes.size))
         for s in range(chosen.nodes.size):

@@ -182,7 +182,7 @@ def _series(kernels: tuple[np.ndarray, ...], mesh: Mesh, named: int, cap: int | 
     def cross(part: np.ndarray) -> np.ndarray:
         return symmetric(turn_source.transpose(0, 2, 1) @ part)
 
-    found = []
+    found: list[np.ndarray] = []
     for bounce in range(2, named + 2):
         if bounce - 2 >= len(z):
             found.append(np.zeros_like(found[-1]))
@@ -287,7 +287,7 @@ def solve(
     chosen : Orders
         Orders to solve.
     needed : ndarray (T, T)
-        Order from which on the modes of a pair of sources are negligible.
+        Order from which on the modes of a pair of sources are negligible; pairs (higher, lower) alone are looked at.
     layers : int
         0 for the sum in one layer; else bounces 2 .. layers + 1 in one layer each, and what remains in a last one
         unless `cap` bounces end before.
