@@ -151,8 +151,8 @@ def test_shared_names_mean_the_same():
 def test_values_are_sound(name, given):
     given = physical(name, given)
     setup = resolve(name, **given)
-    # below the surface and back the solver costs seconds a point at 1e-9
-    tolerance = 1e-4 if setup.transmits else 1e-9
+    # below the surface and back the solver costs seconds a point below 1e-3
+    tolerance = 1e-3 if setup.transmits else 1e-9
     value = brdftab.evaluate(name, THETA_I, THETA_O, PHI, phi_i=PHI_I, tolerance=tolerance, **given)
     assert value.shape == (THETA_I.size, len(setup.channels))
     assert np.isfinite(value).all()
