@@ -88,6 +88,13 @@ def test_defaults_are_free_and_measured_lobes_are_ggx():
     assert [v.name for v in parse("smith", None, {"k": 3.0}).variables] == ["alpha", "eta"]
 
 
+def test_fewer_values_than_parameters_are_refused():
+    table = brdftab.tabulate("smith", "2x1x1", ndf="ggx", alpha=0.3, f0=(0.9, 0.6, 0.3))
+    with pytest.raises(ParameterError, match="3 valid values cannot tell 4 parameters") as caught:
+        brdftab.fit(table, "smith", ndf="ggx", samples=1, sampling="uniform")
+    assert "\n" not in str(caught.value)
+
+
 def test_names_of_a_sum_are_qualified_where_they_clash():
     total = parse("smith+smith+lambert", None, {"smith2.ndf": "beckmann"})
     assert sorted(v.name for v in total.variables) == ["kd", "smith.alpha", "smith.f0", "smith2.alpha", "smith2.f0"]

@@ -14,6 +14,7 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
+from brdftab.errors import ParameterError
 from brdftab.fitting import gram, losses, solver
 from brdftab.fitting.data import Dataset
 from brdftab.fitting.starts import guess_albedo, spread
@@ -137,6 +138,11 @@ class Fitter:
         self.angles = (data.theta_i, data.theta_o, data.phi)
         self._pack()
         self.low, self.high = total.bounds(self.channels)
+        if self.residuals <= len(self.low):
+            raise ParameterError(
+                f"samples: {self.residuals} valid values cannot tell {len(self.low)} parameters of {total.name}; give "
+                "more directions, or fit fewer parameters"
+            )
 
     def _pack(self) -> None:
         """Transform the data once; a random sample of the points goes into the small program."""
