@@ -64,7 +64,7 @@ def option_rows(command: click.Command) -> list[tuple[str, str, str]]:
     return rows
 
 
-def section(name: str, command: click.Command, shared: set[str]) -> list[str]:
+def section(name: str, command: click.Command, shared: list[tuple[str, str, str]]) -> list[str]:
     """Return the lines of one command."""
     arguments = [p for p in command.params if isinstance(p, click.Argument)]
     words = " ".join(p.make_metavar(click.Context(command)) for p in arguments)
@@ -79,7 +79,7 @@ def section(name: str, command: click.Command, shared: set[str]) -> list[str]:
         "",
     ]
     rows = option_rows(command)
-    own = [row for row in rows if row[0].strip("`-").replace("-", "_") not in shared]
+    own = [row for row in rows if row not in shared]
     if len(own) < len(rows):
         lines += ["Takes the [parameters of the model](#parameters-of-the-models) and:", ""]
     lines += ["| option | value | meaning |", "| --- | --- | --- |"]
@@ -89,15 +89,13 @@ def section(name: str, command: click.Command, shared: set[str]) -> list[str]:
 
 def cli_page() -> str:
     """Return docs/cli.md."""
-    shared = set(declared())
     context = click.Context(group)
     commands = {name: group.get_command(context, name) for name in group.list_commands(context)}
     lines = CLI_HEAD.splitlines()
     tabulate = commands["tabulate"]
     assert tabulate is not None
-    for option, value, text in option_rows(tabulate):
-        if option.strip("`-").replace("-", "_") in shared:
-            lines.append(f"| {option} | {cell(value)} | {cell(text)} |")
+    shared = [row for row in option_rows(tabulate) if row[0].strip("`-").replace("-", "_") in declared()]
+    lines += [f"| {option} | {cell(value)} | {cell(text)} |" for option, value, text in shared]
     lines.append("")
     for name, command in commands.items():
         assert command is not None

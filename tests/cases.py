@@ -210,6 +210,19 @@ CASES: tuple[Case, ...] = (
         (0.04 * _AT_NORMAL,), "D(0) F/4", parts={"specular": (0.04 * _AT_NORMAL,), "body": (0.0,)},
         tags=frozenset({"closed", "fresnel", "components"}),
     ),
+    *(
+        Case(
+            f"{model} of one bounce", model,
+            {"material": "mirror", "max_bounces": 1, **_GGX, **({"samples": 1} if model == "smith-walk" else {})},
+            _NORMAL, (_AT_NORMAL,), "D(0)/4",
+        )
+        for model in ("smith-multi", "smith-walk")
+    ),
+    *(
+        Case(f"{model} seen along the surface", model, _GGX, (30.0, 90.0, 180.0), (0.0, 0.0, 0.0), "horizon",
+             tags=frozenset({"horizon"}))
+        for model in ("kulla-conty", "turquin")
+    ),
     *_references(),
     *_interfaced(),
 )  # fmt: skip

@@ -274,7 +274,7 @@ REFUSED = {
     "too few wavelengths": (table_of("smith", "--spectral-samples", "2"), ("samples = 2",)),
     "wavelengths of glass": (table_of("smith", "--ior", "1.5", "--wavelengths", "500"), ("wavelengths",)),
     "axes without theta_i": (("tabulate", "--model", "lambert", "--theta-o", "0:80:9"), ("theta_o", "theta_i")),
-    "axis out of range": (("tabulate", "--model", "lambert", "--theta-i", "0:95:9"), ("theta_i = 95", "[0, 90]")),
+    "axis out of range": (("tabulate", "--model", "lambert", "--theta-i", "0:195:9"), ("theta_i = 195", "[0, 180]")),
     "axis unsorted": (("tabulate", "--model", "lambert", "--theta-i", "5,4"), ("theta_i",)),
     "axis of letters": (("tabulate", "--model", "lambert", "--theta-i", "x"), ("theta_i = 'x'", "start:stop:count")),
     "axes and grid": (table_of("lambert", "--theta-i", "10"), ("grid", "theta_i", "exclude")),

@@ -27,6 +27,8 @@ PHI_I = np.array([0.0, 0.5, 2.0, 4.0, 5.5, 1.0])
 RTOL = 1e-10
 # samples of the estimators
 PATHS = 4
+# pairs of directions where light passes the surface, whose solver is the dearest
+PASSING = 2
 
 
 def corners(param):
@@ -152,17 +154,19 @@ def test_values_are_sound(name, given):
     given = physical(name, given)
     setup = resolve(name, **given)
     # below the surface and back the solver costs seconds a point below 1e-3
-    tolerance = 1e-3 if setup.transmits else 1e-9
-    value = brdftab.evaluate(name, THETA_I, THETA_O, PHI, phi_i=PHI_I, tolerance=tolerance, **given)
-    assert value.shape == (THETA_I.size, len(setup.channels))
+    tolerance = 1e-2 if setup.transmits else 1e-9
+    some = slice(PASSING if setup.transmits else None)
+    theta_i, theta_o, phi, phi_i = (a[some] for a in (THETA_I, THETA_O, PHI, PHI_I))
+    value = brdftab.evaluate(name, theta_i, theta_o, phi, phi_i=phi_i, tolerance=tolerance, **given)
+    assert value.shape == (theta_i.size, len(setup.channels))
     assert np.isfinite(value).all()
     if setup.channels != ("R", "G", "B"):
         # projected spectra may leave the gamut of sRGB; a single channel may not
         assert (value >= 0.0).all()
     if setup.model.reciprocal and not is_stochastic(setup):
-        back = brdftab.evaluate(name, THETA_O, THETA_I, -PHI, phi_i=PHI_I + PHI, tolerance=tolerance, **given)
+        back = brdftab.evaluate(name, theta_o, theta_i, -phi, phi_i=phi_i + phi, tolerance=tolerance, **given)
         assert np.allclose(back, value, rtol=max(RTOL, tolerance if setup.transmits else 0.0), atol=1e-30)
-    parts = brdftab.evaluate(name, THETA_I, THETA_O, PHI, phi_i=PHI_I, components=True, tolerance=tolerance, **given)
+    parts = brdftab.evaluate(name, theta_i, theta_o, phi, phi_i=phi_i, components=True, tolerance=tolerance, **given)
     assert tuple(parts) == component_names(setup, 8)
     assert np.allclose(sum(parts.values()), value, rtol=1e-9, atol=1e-14)
 
@@ -174,9 +178,9 @@ def test_parameters_survive_json(name, given):
     again = resolve(name, **json.loads(json.dumps(setup.parameters, allow_nan=False)))
     assert again.parameters == setup.parameters
     assert again.channels == setup.channels
-    there, back = (
-        models.kernel(name).points(s, THETA_I, THETA_O, PHI, PHI_I, orders=0, tolerance=1e-3) for s in (setup, again)
-    )
+    some = slice(PASSING if setup.transmits else None)
+    angles = [a[some] for a in (THETA_I, THETA_O, PHI, PHI_I)]
+    there, back = (models.kernel(name).points(s, *angles, orders=0, tolerance=1e-2) for s in (setup, again))
     assert there.tobytes() == back.tobytes()
 
 

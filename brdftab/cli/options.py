@@ -62,8 +62,12 @@ def _option(name: str, variants: list[tuple[Param, list[str]]], total: int) -> C
 
 
 def model_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add ``--model`` and one option for every parameter that any model of the registry declares."""
-    everything = declared()
+    """Add ``--model`` and one option for every parameter that any model of the registry declares.
+
+    A command's own option of that name, as the seed of a fit, takes its place.
+    """
+    own = {param.name for param in getattr(command, "__click_params__", [])}
+    everything = {name: variants for name, variants in declared().items() if name not in own}
     total = len(names())
     for name, variants in reversed(list(everything.items())):
         command = _option(name, variants, total)(command)

@@ -93,60 +93,67 @@ def _axes(rule: Level, theta: Array, solved: Array, few: bool, azimuth: Array) -
     return made
 
 
-def _pairs(rule: Level, p: int, elevations: Array, orders: Array, fresnel: int) -> dict[str, Any]:
-    """Return the geometry of all pairs of elevations, in one flat list of L, and how to place them.
+def _panels(rule: Level, p: int, elevations: Array) -> dict[str, Array]:
+    """Return Gauss nodes of panels, and nodes between each of them and the upper end of its panel.
 
-    The list holds inner nodes x inner nodes (N, N), outer x inner (n, N) and, for each inner node, nodes between it and
-    the upper end of its panel (N, q): there the kernel jumps, and the light found at the panel's nodes is interpolated.
+    There the kernel jumps; the light found at the panel's nodes is interpolated to those between.
 
     Returns
     -------
     dict
-        ds2, dz2, ss, alive (L,): squared differences of sines and cosines of elevation, product of the cosines, and
-        whether the second lies above the first; decay (J, M, L): exp(-m eta_j)/S_j; orders (M,); beta, weight (N,);
-        near_beta, near_weight (N, q), near_basis (q-per-node interpolation) (p, q, p); outer (n,).
+        beta, weight (N,): elevations and weights; near_beta, near_weight (N, p); near_basis (p, p, p): from the nodes
+        of a panel (last) to those between, for each node (first).
     """
     x, w = np.polynomial.legendre.leggauss(p)
     ends = panel_edges(elevations, rule.widest)
     half, middle = 0.5 * np.diff(ends), 0.5 * (ends[1:] + ends[:-1])
-    beta, weight = (middle[:, None] + half[:, None] * x).ravel(), (half[:, None] * w).ravel()
     span = 0.5 * (1.0 - x)
     place = x[:, None] + span[:, None] * (1.0 + x)
-    near = (middle[:, None, None] + half[:, None, None] * place).reshape(-1, p)
-    near_weight = (half[:, None, None] * span[:, None] * w).reshape(-1, p)
     basis = np.ones((p, p, p))
     for j in range(p):
         for k in range(p):
             if k != j:
                 basis[:, :, j] *= (place - x[k]) / (x[j] - x[k])
-    firsts = (beta[:, None] + 0.0 * beta, -elevations[:, None] + 0.0 * beta, beta[:, None] + 0.0 * near)
-    seconds = (beta + 0.0 * beta[:, None], beta + 0.0 * elevations[:, None], near)
-    a, b = (np.concatenate([part.ravel() for part in parts]) for parts in (firsts, seconds))
-    up, mean = 0.5 * (b - a), 0.5 * (b + a)
-    rise = np.sin(up)
-    alive = rise > 0.0
-    # where the second lies below the first any harmless pair will do
-    dz = np.where(alive, 2.0 * rise * np.cos(mean), 1.0)
-    ds = np.where(alive, 2.0 * rise * np.sin(mean), 0.0)
-    ss = np.where(alive, np.cos(a) * np.cos(b), 1.0)
-    made: dict[str, Any] = {
-        "orders": orders,
-        "outer": elevations,
-        "beta": beta,
-        "weight": weight,
-        "near_beta": near,
-        "near_weight": near_weight,
+    return {
+        "beta": (middle[:, None] + half[:, None] * x).ravel(),
+        "weight": (half[:, None] * w).ravel(),
+        "near_beta": (middle[:, None, None] + half[:, None, None] * place).reshape(-1, p),
+        "near_weight": (half[:, None, None] * span[:, None] * w).reshape(-1, p),
         "near_basis": basis,
-        "dz2": dz * dz,
-        "ds2": ds * ds,
-        "ss": ss,
-        "alive": alive.astype(np.float64),
     }
+
+
+def _pairs(rule: Level, p: int, elevations: Array, orders: Array, fresnel: int) -> dict[str, Any]:
+    """Return the geometry of all pairs of elevations of which the second is above the first, in one list of L.
+
+    Returns
+    -------
+    dict
+        Besides `_panels`: ds2, dz2, ss (L,): squared differences of sines and cosines of elevation, product of the
+        cosines; decay (J, M, L): exp(-m eta_j)/S_j; orders (M,); inner_at (N, N), views_at (n, N): places in the list
+        of pairs of nodes in different panels, and of a view's mirror image with the nodes; L where there is none. The
+        pairs of near_beta end the list.
+    """
+    made: dict[str, Any] = {"orders": orders, **_panels(rule, p, elevations)}
+    beta, near = made["beta"], made["near_beta"]
+    panel = np.arange(beta.size) // p
+    inner = panel[None] > panel[:, None]
+    views = beta > -elevations[:, None]
+    first, second = np.nonzero(inner)
+    view, node = np.nonzero(views)
+    a = np.concatenate([beta[first], -elevations[view], np.repeat(beta, p)])
+    b = np.concatenate([beta[second], beta[node], near.ravel()])
+    for name, mask, start in (("inner_at", inner, 0), ("views_at", views, first.size)):
+        at = np.full(mask.shape, a.size)
+        at[mask] = start + np.arange(mask.sum())
+        made[name] = at
+    rise, mean = np.sin(0.5 * (b - a)), 0.5 * (b + a)
+    ss = np.cos(a) * np.cos(b)
+    made |= {"dz2": (2.0 * rise * np.cos(mean)) ** 2, "ds2": (2.0 * rise * np.sin(mean)) ** 2, "ss": ss}
     if fresnel > 0:
         poles, cosines, fit = pole_fit(rule.poles)
-        c = np.where(alive, 4.0 * rise * rise, 1.0) + poles[:, None]
+        c = 4.0 * rise * rise + poles[:, None]
         eta = 2.0 * np.arcsinh(0.5 * np.sqrt(c / ss))
-        shut = alive / np.sqrt(c * (c + 4.0 * ss))
-        made["decay"] = np.exp(-orders[:, None] * eta[:, None]) * shut[:, None]
+        made["decay"] = np.exp(-orders[:, None] * eta[:, None]) / np.sqrt(c * (c + 4.0 * ss))[:, None]
         made |= {"poles": poles, "fit_cosines": cosines, "fit": fit}
     return made

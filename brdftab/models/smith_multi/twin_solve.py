@@ -9,6 +9,7 @@ too. A reflection raises t, so that the modes' integral equations are triangular
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -28,14 +29,17 @@ def masked_measure(alpha: Any, beta: Any) -> Any:
     return 4.0 * math.pi * s / (t + jnp.sqrt(t * t + (alpha * s) ** 2))
 
 
-def kernel_modes(alpha: Any, c_0: Any, c_j: Any, n: dict[str, Any]) -> Any:
-    """Return K_m of all pairs of `twin_nodes._pairs`, (M, L), for F = c_0 + sum c_j/(X + x_j); `c_j` (J,) or None."""
+def kernel_modes(alpha: Any, c_0: Any, c_j: Any, n: dict[str, Any], then: Callable[[Any], Any] = lambda k: k) -> Any:
+    """Return K_m of all pairs of `twin_nodes`, (M, L), for F = c_0 + sum c_j/(X + x_j); `c_j` (J,) or None.
+
+    `then` maps the row (L,) of each mode to something else.
+    """
     a2 = alpha * alpha
     dz2, ss = n["dz2"], n["ss"]
     c, b = n["ds2"] + a2 * dz2, (1.0 - a2) * dz2
     root = jnp.sqrt(c * (c + 4.0 * ss))
     eta = 2.0 * jnp.arcsinh(0.5 * jnp.sqrt(c / ss))
-    scale = a2 / (4.0 * math.pi) * n["alive"]
+    scale = a2 / (4.0 * math.pi)
     poles = 0 if c_j is None else c_j.shape[0]
     over = [1.0 / (b + n["poles"][j]) for j in range(poles)]
     f = c_0 + sum(c_j[j] * over[j] for j in range(poles))
@@ -48,41 +52,64 @@ def kernel_modes(alpha: Any, c_0: Any, c_j: Any, n: dict[str, Any]) -> Any:
     def mode(given: tuple[Any, ...]) -> Any:
         m, *decay = given
         tail = sum(s * d for s, d in zip(share, decay, strict=True))
-        return jnp.exp(-m * eta) * (plain + m * linear) + tail + jnp.where(m == 0.0, c_0, 0.0) * scale
+        return then(jnp.exp(-m * eta) * (plain + m * linear) + tail + jnp.where(m == 0.0, c_0, 0.0) * scale)
 
     # mode by mode: in one expression XLA computes what belongs to a pair anew for every mode
     return jax.lax.map(mode, (n["orders"], *(n["decay"][j] for j in range(poles))))
 
 
-def _blocks(alpha: Any, modes: Any, n: dict[str, Any]) -> tuple[Any, Any, Any]:
+def _blocks(alpha: Any, c_0: Any, c_j: Any, n: dict[str, Any]) -> tuple[Any, Any, Any]:
     """Return T (M, N, N) and the views' rows (M, n, N), weighted, and the light's columns (M, N, n)."""
-    size, outer, p = n["beta"].shape[0], n["outer"].shape[0], n["near_beta"].shape[1]
+    size, p = n["near_beta"].shape
     weight = n["weight"] * masked_measure(alpha, n["beta"])
-    inner = modes[:, : size * size].reshape(-1, size, size)
-    views = modes[:, size * size : size * (size + outer)].reshape(-1, outer, size)
-    near = modes[:, size * (size + outer) :].reshape(-1, size // p, p, p)
-    near = near * (n["near_weight"] * masked_measure(alpha, n["near_beta"])).reshape(size // p, p, p)
-    # from a node to the nodes of its own panel
-    own = jnp.einsum("mkiq,iqj->mkij", near, n["near_basis"])
+    near_weight = (n["near_weight"] * masked_measure(alpha, n["near_beta"])).reshape(size // p, p, p)
     same = jnp.eye(size // p)[:, None, :, None]
-    apart = (inner * weight).reshape(-1, size // p, p, size // p, p) * (1.0 - same)
-    transport = (apart + own[:, :, :, None] * same).reshape(-1, size, size)
-    # by reciprocity the way from a node to the view is that from the light to its mirror image
-    return transport, views * weight, jnp.swapaxes(views[:, :, ::-1], 1, 2)
+
+    def place(row: Any) -> tuple[Any, Any, Any]:
+        padded = jnp.pad(row, (0, 1))
+        inner, views = padded[n["inner_at"]] * weight, padded[n["views_at"]]
+        near = row[row.shape[0] - size * p :].reshape(size // p, p, p) * near_weight
+        # from a node to the nodes of its own panel
+        own = jnp.einsum("kiq,iqj->kij", near, n["near_basis"])
+        apart = inner.reshape(size // p, p, size // p, p)
+        transport = (apart + own[:, :, None] * same).reshape(size, size)
+        # by reciprocity the way from a node to the view is that from the light to its mirror image
+        return transport, views * weight, views[:, ::-1].T
+
+    placed: tuple[Any, Any, Any] = kernel_modes(alpha, c_0, c_j, n, place)
+    return placed
 
 
-def channel_modes(static: Any, p: dict[str, Any]) -> Any:
-    """Return `kernel_modes` of one channel's reflectance."""
-    n, alpha = p["nodes"], p["alpha_x"]
+def _by_slope(f: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Return f of one number, differentiated once however many tangents there are: most of them leave it alone."""
+    g = jax.custom_jvp(f)
+
+    @g.defjvp
+    def _(primals: Any, tangents: Any) -> Any:
+        value, slope = jax.jvp(f, primals, (jnp.ones_like(primals[0]),))
+        return value, jax.tree.map(lambda s: tangents[0] * s, slope)
+
+    return g
+
+
+def _channel_blocks(static: Any, p: dict[str, Any]) -> tuple[Any, Any, Any]:
+    """Return `_blocks` for one channel's reflectance."""
+    n = p["nodes"]
+
     if static.fresnel == MIRROR:
-        return kernel_modes(alpha, 1.0, None, n)
+        return _blocks(p["alpha_x"], 1.0, None, n)
     if static.fresnel == CONDUCTOR:
         found = n["fit"] @ reflectance(CONDUCTOR, p["a"], p["b"], n["fit_cosines"])
-        return kernel_modes(alpha, found[0], found[1:], n)
-    # Schlick's form is affine in f0: what stands beside f0 is the same for all channels and computed once
+        return _blocks(p["alpha_x"], found[0], found[1:], n)
+    # Schlick's form is affine in f0: both ends of it are the same for all channels and computed once
     found = n["fit"] @ (1.0 - n["fit_cosines"]) ** 5
-    ends = jnp.stack([kernel_modes(alpha, found[0], found[1:], n), kernel_modes(alpha, 1.0, None, n)])
-    return jnp.tensordot(jnp.stack([1.0 - p["a"], p["a"]]), ends, 1)
+
+    def ends(alpha: Any) -> Any:
+        return _blocks(alpha, found[0], found[1:], n), _blocks(alpha, 1.0, None, n)
+
+    black, white = _by_slope(ends)(p["alpha_x"])
+    mixed: tuple[Any, Any, Any] = jax.tree.map(lambda k, w: k + p["a"] * (w - k), black, white)
+    return mixed
 
 
 def _factors(transport: Any, p: int) -> tuple[Any, Any]:
@@ -144,7 +171,7 @@ def solve(static: Any, p: dict[str, Any]) -> Any:
     p : dict
         alpha_x, a, b of one channel, and ``nodes`` from `twin_nodes.nodes`.
     """
-    transport, views, light = _blocks(p["alpha_x"], channel_modes(static, p), p["nodes"])
+    transport, views, light = _channel_blocks(static, p)
     most = static.max_bounces
     if most is None or most > LAST_TERM:
         return views @ back_substitute(transport, light, p["nodes"]["near_beta"].shape[1])
