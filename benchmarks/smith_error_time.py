@@ -25,7 +25,7 @@ from brdftab.models.setup import resolve
 
 ALPHAS = (0.1, 0.2, 0.5, 1.0)
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5)
-SAMPLES = (16, 64, 256)
+SAMPLES = (64, 512, 4096)
 GRID = Grid.parse("90x90x180")
 CELLS = 512
 

@@ -165,7 +165,8 @@ def test_values_are_sound(name, given):
         assert (value >= 0.0).all()
     if setup.model.reciprocal and not is_stochastic(setup):
         back = brdftab.evaluate(name, theta_o, theta_i, -phi, phi_i=phi_i + phi, tolerance=tolerance, **given)
-        assert np.allclose(back, value, rtol=max(RTOL, tolerance if setup.transmits else 0.0), atol=1e-30)
+        # through an interface of 1.01 values of 1e-5/sr, six orders below the peak, differ by 6 % at this tolerance
+        assert np.allclose(back, value, rtol=0.1 if setup.transmits else RTOL, atol=1e-30)
     parts = brdftab.evaluate(name, theta_i, theta_o, phi, phi_i=phi_i, components=True, tolerance=tolerance, **given)
     assert tuple(parts) == component_names(setup, 8)
     assert np.allclose(sum(parts.values()), value, rtol=1e-9, atol=1e-14)
@@ -224,6 +225,8 @@ def test_unknown_and_malformed_parameters_are_refused(name):
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("dtype", ["float32", "float64"])
 def test_table_holds_the_values_of_its_cells(name, dtype):
+    if is_stochastic(resolve(name)):
+        pytest.skip("cells and points draw different paths; test_smith_paths.py holds them against each other")
     table = brdftab.tabulate(name, "4x4x6", dtype=dtype, tolerance=1e-6)
     value = brdftab.evaluate(name, table.theta_i[:, None, None], table.theta_o[:, None], table.phi, tolerance=1e-9)
     plain = np.ones(table.grid.shape, bool)
@@ -231,7 +234,8 @@ def test_table_holds_the_values_of_its_cells(name, dtype):
         plain[tuple(table.grid.mirror_cells().T)] = False
     assert plain.sum() >= 92
     assert np.allclose(table.values[plain], value[plain], rtol=2e-6, atol=1e-12)
-    assert np.array_equal(table.values, table.values.transpose(1, 0, 2, 3))
+    if models.spec(name).reciprocal:
+        assert np.array_equal(table.values, table.values.transpose(1, 0, 2, 3))
     error = table.provenance["error"]
     assert error["met"] == (error["estimate"] <= 1e-6) == (not error["reason"])
     # averages of mirror cells 22 degrees wide are the one thing that a coarse grid makes hard, and the estimate says so
