@@ -16,7 +16,11 @@ from brdftab.tabulation import retabulate
 SMALL = "12x12x18"
 
 
-@pytest.mark.parametrize("model", brdftab.models.names())
+# the random walk's cells and points draw different paths: test_smith_paths.py
+DETERMINISTIC = [name for name in brdftab.models.names() if name != "smith-walk"]
+
+
+@pytest.mark.parametrize("model", DETERMINISTIC)
 def test_centers_are_point_values(model):
     table = brdftab.tabulate(model, SMALL, tolerance=1e-3, dtype="float64")
     ti, to, phi = np.meshgrid(table.theta_i, table.theta_o, table.phi, indexing="ij")
@@ -31,7 +35,7 @@ def test_centers_are_point_values(model):
     assert table.provenance["error"]["estimate"] <= 1e-3
 
 
-@pytest.mark.parametrize("model", brdftab.models.names())
+@pytest.mark.parametrize("model", DETERMINISTIC)
 @pytest.mark.parametrize("cell", ["center", "average"])
 def test_square_tables_are_exactly_reciprocal(model, cell):
     values = brdftab.tabulate(model, "9x9x10", cell=cell, tolerance=0.1).values
