@@ -35,7 +35,7 @@ def test_centers_are_point_values(model):
     assert table.provenance["error"]["estimate"] <= 1e-3
 
 
-@pytest.mark.parametrize("model", DETERMINISTIC)
+@pytest.mark.parametrize("model", [name for name in DETERMINISTIC if brdftab.models.spec(name).reciprocal])
 @pytest.mark.parametrize("cell", ["center", "average"])
 def test_square_tables_are_exactly_reciprocal(model, cell):
     values = brdftab.tabulate(model, "9x9x10", cell=cell, tolerance=0.1).values
