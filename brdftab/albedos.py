@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import math
 import time
+import zipfile
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -269,5 +271,5 @@ def read_albedo(path: str | Path) -> AlbedoTable:
             )
     except OSError as error:
         raise BrdftabError(f"{path}: cannot be opened ({error.strerror or error}); check the path") from error
-    except (KeyError, ValueError, TypeError, AttributeError) as error:
+    except (KeyError, ValueError, TypeError, AttributeError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise FileFormatError(f"{path}: is not an albedo table of brdftab, or damaged; write it again") from error

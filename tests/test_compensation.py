@@ -19,20 +19,20 @@ ANGLES = np.radians([0.0, 17.0, 45.0, 70.0, 83.0, 88.0, 89.9])
 def test_single_albedo_is_that_of_the_smith_model(ndf, alpha, masking):
     """Two quadratures, half vectors by tilt with the setting azimuth in closed form and panels of azimuth first.
 
-    They differ by 4e-10 at most, and by 6e-8 at Beckmann 2 at grazing, where the second one is the worse.
+    They differ by 4.5e-10 at most (GGX 1 at 89.9 degrees, height-correlated) and by 1e-11 where alpha is smaller.
     """
     ours = single_albedo(MASKINGS[masking], NDF_CODES[ndf], alpha, ANGLES)
     other = brdftab.albedo("smith", ANGLES, ndf=ndf, alpha=alpha, material="mirror", masking=masking, tolerance=1e-9)
-    np.testing.assert_allclose(ours, other[:, 0], rtol=0.0, atol=2e-7)
+    np.testing.assert_allclose(ours, other[:, 0], rtol=0.0, atol=1e-9)
     np.testing.assert_allclose(ours, single_albedo(MASKINGS[masking], NDF_CODES[ndf], alpha, ANGLES, 24), atol=1e-9)
 
 
 def test_average_albedo_against_a_plain_rule():
-    """2 int E mu dmu by Gauss in mu^2: smooth but for grazing, which 60 nodes leave 1e-6 of."""
+    """2 int E mu dmu by Gauss in mu^2: smooth but for grazing, which 60 nodes leave 2.2e-7 of."""
     x, w = np.polynomial.legendre.leggauss(60)
     square = 0.5 * (x + 1.0)
     plain = float(0.5 * w @ single_albedo(0, 1, 0.5, np.arccos(np.sqrt(square))))
-    assert average_albedo(0, 1, 0.5) == pytest.approx(plain, abs=2e-6)
+    assert average_albedo(0, 1, 0.5) == pytest.approx(plain, abs=4e-7)
 
 
 def test_average_reflectance_of_schlick_in_closed_form():
@@ -45,20 +45,20 @@ def test_average_reflectance_of_schlick_in_closed_form():
 @pytest.mark.parametrize("ndf", ["ggx", "beckmann"])
 @pytest.mark.parametrize("alpha", [0.1, 1.0])
 def test_kulla_conty_closes_the_furnace(ndf, alpha):
-    """Single bounce and lobe are integrated apart from the albedos that make the lobe; half vectors leave 1e-6."""
+    """Single bounce and lobe are integrated apart from the albedos that make the lobe; 3.4e-10 are left (Beckmann 1)."""
     found = brdftab.albedo("kulla-conty", ANGLES[:-1], ndf=ndf, alpha=alpha, material="mirror", tolerance=1e-6)
-    np.testing.assert_allclose(found, 1.0, rtol=0.0, atol=2e-6)
+    np.testing.assert_allclose(found, 1.0, rtol=0.0, atol=1e-9)
 
 
 def test_turquin_closes_the_furnace_of_each_view():
-    """Integrated over the light at a fixed view; Gauss in theta and a trapezoid in azimuth leave 1e-9 at alpha 1."""
+    """Integrated over the light at a fixed view; Gauss in theta and a trapezoid in azimuth leave 3e-14 at alpha 1."""
     x, w = np.polynomial.legendre.leggauss(80)
     theta_i = 0.25 * math.pi * (x + 1.0)
     phi = np.linspace(0.0, 2.0 * math.pi, 128, endpoint=False)
     for theta_o in (0.2, 0.9, 1.3):
         f = brdftab.evaluate("turquin", theta_i[:, None], theta_o, phi, ndf="ggx", alpha=1.0, material="mirror")[..., 0]
         total = float((0.25 * math.pi * w * np.sin(theta_i) * np.cos(theta_i)) @ f.mean(axis=1)) * 2.0 * math.pi
-        assert total == pytest.approx(1.0, abs=1e-7)
+        assert total == pytest.approx(1.0, abs=1e-12)
 
 
 def test_turquin_is_not_reciprocal_and_tables_do_not_pretend():
@@ -78,6 +78,13 @@ def test_smooth_surfaces_need_no_compensation(model):
     assert (parts["compensation"] < 1e-5 * parts["specular"]).all()
     single = brdftab.evaluate("smith", 0.5, 0.5001, math.pi, ndf="ggx", alpha=0.001, masking="separable")
     np.testing.assert_allclose(parts["specular"], single, rtol=1e-12)
+
+
+def test_nothing_is_missing_where_nothing_can_be():
+    """1 - E of nearly smooth facets is rounding of either sign; a lobe below zero would be light taken away."""
+    theta = np.radians(np.linspace(0.0, 89.999, 500))
+    parts = brdftab.evaluate("kulla-conty", 0.3, theta, 1.0, ndf="beckmann", alpha=1e-4, components=True)
+    assert (parts["compensation"] >= 0.0).all()
 
 
 def test_lobe_has_the_colour_of_two_bounces_and_more():

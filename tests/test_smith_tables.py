@@ -51,7 +51,7 @@ def test_first_order_is_the_single_bounce_of_smith():
 def test_white_sphere_disappears_in_a_white_room():
     """Radiance of a mirror-like rough sphere, rendered from the table by summing its cells: 1 at every pixel.
 
-    The rule of cell centres leaves 6e-4 on 45 x 45 x 60 cells at alpha 0.6; single bounces alone leave 10 % and more.
+    The rule of cell centres leaves 7.5e-5 on 45 x 45 x 60 cells at alpha 0.6; single bounces alone lack 31 to 41 %.
     """
     table = brdftab.tabulate("smith-multi", "45x45x60", ndf="ggx", alpha=0.6, material="mirror")
     edges = table.grid.edges["theta_i"]
@@ -61,10 +61,10 @@ def test_white_sphere_disappears_in_a_white_room():
     disc = np.hypot(x[:, None], x)
     view = np.arcsin(disc[disc < 0.98])
     pixels = np.interp(view, table.theta_o, radiance)
-    assert np.abs(pixels - 1.0).max() < 2e-3
+    assert np.abs(pixels - 1.0).max() < 1.5e-4
     single = brdftab.tabulate("smith", "45x45x60", ndf="ggx", alpha=0.6, material="mirror", masking="separable")
     dark = np.einsum("i,iop->o", solid, single.values[..., 0].astype(np.float64)) * 2.0 * math.pi / table.phi.size
-    assert np.interp(view, table.theta_o, dark).max() < 0.95
+    assert np.interp(view, table.theta_o, dark).max() < 0.7
 
 
 @pytest.mark.parametrize(("ndf", "alpha"), [("ggx", 0.7), ("beckmann", 0.4)])
@@ -95,9 +95,9 @@ def test_samples_follow_the_solver(ndf, alpha):
 
 
 def test_cheap_stand_ins_miss_what_the_solver_knows():
-    """Kulla-Conty's lobe has no azimuth and one colour: at alpha 1 its table of gold is off by tens of per cent.
+    """Kulla-Conty's lobe has no azimuth and one colour, Turquin's the shape of a single bounce.
 
-    The root mean square over a table of 12 x 12 x 18 cells is between the bounds here; the docs give the figures.
+    Gold of alpha 1, root mean square over 12 x 12 x 18 cells: 7.7 % and 18 %, single bounces alone 50 % (measured).
     """
     gold = {"ndf": "ggx", "alpha": 1.0, "eta": [0.143, 0.375, 1.442], "k": [3.983, 2.386, 1.603]}
     truth = brdftab.tabulate("smith-multi", "12x12x18", **gold).values
@@ -107,8 +107,9 @@ def test_cheap_stand_ins_miss_what_the_solver_knows():
         errors[model] = float(np.sqrt(np.mean((found / truth - 1.0) ** 2)))
     single = brdftab.tabulate("smith", "12x12x18", masking="separable", **gold).values
     alone = float(np.sqrt(np.mean((single / truth - 1.0) ** 2)))
-    assert 0.05 < errors["kulla-conty"] < alone
-    assert 0.05 < errors["turquin"] < alone
+    assert errors["kulla-conty"] == pytest.approx(0.0774, rel=0.02)
+    assert errors["turquin"] == pytest.approx(0.1832, rel=0.02)
+    assert alone == pytest.approx(0.4999, rel=0.02)
 
 
 def test_estimated_tables_carry_their_noise():

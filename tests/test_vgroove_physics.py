@@ -1,20 +1,16 @@
 """The V-grooves against a mirror tracer, a Monte Carlo of grooves, brute-force integrals and the paper's tables."""
 
-import itertools
 import json
 import math
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
 from numba import njit, prange
 from oracles import groove_integral, groove_mc
 from oracles.groove_tracer import beams_grid
 
 import brdftab
-from brdftab.models import names, spec
 from brdftab.models.microfacet.groove2d import width_nonsymmetric, width_symmetric
 from brdftab.models.microfacet.ndf import CODES, density, shape_at
 from brdftab.models.setup import resolve
@@ -281,89 +277,3 @@ def test_reciprocity(model, rough, optics):
     assert (there > 0.0).any()
     # measured 5e-13, deep in a Gaussian tail; 6e-14 where light arrives
     assert (np.abs(there - back) <= 1e-11 * np.maximum(there, back) + 1e-300).all()
-
-
-def _ndfs(model):
-    """Return the distributions of mirror facets; other surfaces come with their defaults (extremes: test_ilm.py)."""
-    return model.ndfs if model.ndfs and model.has("material") else (None,)
-
-
-def _pairs():
-    """Return (model, ndf or None) of the whole registry."""
-    return [(name, ndf) for name in names() for ndf in _ndfs(spec(name))]
-
-
-def _given(model, ndf, **rough):
-    if ndf is None:
-        return {}
-    return {"ndf": ndf, "material": "mirror", **rough}
-
-
-def _largest_alpha(model, ndf):
-    if ndf != "phong":
-        return 10.0
-    # the nonsymmetric groove has no Phong distribution of opposite facets from sqrt 2 on
-    return 1.4 if model == "vgroove-nonsym" else 10.0
-
-
-def _good(value):
-    return bool(np.isfinite(value).all() and (value >= 0.0).all())
-
-
-def _from_mirror(theta_i, theta_o, phi):
-    """Angle (rad) between view and mirror direction where small; the grooves refuse less than 1e-14 of half vector."""
-    theta_i, theta_o, phi = (math.radians(x) for x in (theta_i, theta_o, phi))
-    return math.hypot(theta_i - theta_o, (math.pi - phi) * math.sqrt(math.sin(theta_i) * math.sin(theta_o)))
-
-
-@settings(max_examples=150, deadline=None)
-@given(
-    pair=st.sampled_from(_pairs()),
-    log_alpha=st.floats(-4.0, 1.0),
-    theta=st.tuples(st.floats(0.0, 89.999), st.floats(0.0, 89.999)),
-    phi=st.floats(0.0, 180.0),
-)
-def test_values_are_finite_and_not_negative(pair, log_alpha, theta, phi):
-    model, ndf = pair
-    # the mirror direction itself is a true singularity and is refused; the extremes below stand 1e-9 degrees aside
-    assume(_from_mirror(*theta, phi) > 1e-13)
-    given_ = _given(model, ndf, alpha=min(10.0**log_alpha, _largest_alpha(model, ndf)))
-    value = brdftab.evaluate(model, theta[0] * DEGREE, theta[1] * DEGREE, phi * DEGREE, **given_)
-    assert _good(value), value
-
-
-ALPHAS = (1e-4, 1e-3, 0.01, 0.1, 0.5, 1.0, 3.0, 10.0)
-THETAS = (0.0, 1e-9, 1e-4, 1.0, 45.0, 45.0 + 1e-9, 80.0, 89.9, 89.999, 89.999 - 1e-9)
-PHIS = (0.0, 1e-9, 1e-4, 60.0, 90.0, 179.9, 180.0 - 1e-9, 180.0)
-
-
-def _extremes():
-    """Return 10,000 fixed cases grouped by (model, ndf, alpha_x, alpha_y): products of extremes, evenly thinned."""
-    settings_ = []
-    for model, ndf in _pairs():
-        if ndf is None:
-            settings_.append((model, ndf, 1.0, 1.0))
-            continue
-        alphas = [a for a in ALPHAS if a <= _largest_alpha(model, ndf)]
-        settings_ += [(model, ndf, a, a) for a in alphas]
-        if ndf != "phong":
-            settings_ += [(model, ndf, 1e-4, 10.0), (model, ndf, 10.0, 1e-4), (model, ndf, 0.01, 1.0)]
-    directions = [d for d in itertools.product(THETAS, THETAS, PHIS) if _from_mirror(*d) > 1e-13]
-    chosen = np.random.default_rng(0).choice(len(settings_) * len(directions), 10_000, replace=False)
-    groups: dict[tuple, list] = {}
-    for n in np.sort(chosen):
-        groups.setdefault(settings_[n // len(directions)], []).append(directions[n % len(directions)])
-    return groups
-
-
-def test_ten_thousand_extremes():
-    groups = _extremes()
-    assert sum(map(len, groups.values())) == 10_000
-    bad = []
-    for (model, ndf, ax, ay), directions in groups.items():
-        theta_i, theta_o, phi = np.array(directions).T * DEGREE
-        rough = {"alpha": ax} if ax == ay else {"alpha_x": ax, "alpha_y": ay}
-        value = brdftab.evaluate(model, theta_i, theta_o, phi, **_given(model, ndf, **rough))
-        wrong = ~(np.isfinite(value) & (value >= 0.0)).all(-1)
-        bad += [(model, ndf, ax, ay, *directions[n], value[n]) for n in np.flatnonzero(wrong)]
-    assert not bad, bad[:5]

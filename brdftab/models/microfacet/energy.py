@@ -156,4 +156,5 @@ def missing(setup: Setup, masking: int, theta: Array) -> Array:
     gap[gap == 0.0] = 1e-300
     share = signs / gap
     found = (share * values[panel]).sum(axis=1) / share.sum(axis=1)
-    return np.where(np.cos(theta) > HORIZON, found, 0.0)
+    # rounding of 1 - E where nearly nothing is missing takes either sign
+    return np.where(np.cos(theta) > HORIZON, np.maximum(found, 0.0), 0.0)
