@@ -1,7 +1,7 @@
 """Tables of the all-bounce Smith solver: CPU seconds, peak memory so far and the largest error of any cell.
 
 The error is the largest difference of a channel to a run at a hundredth of the tolerance, over the cell's largest
-channel; cells below 1e-10 of the largest value of their pair of polar angles, or below 1e-11/sr, are compared with that:
+channel; cells below 1e-10 of the largest value of their pair of polar angles, or below 1e-11/sr, are compared with it:
 between narrow lobes that fall between the table's azimuths there is only the rounding of the lobe's modes.
 """
 

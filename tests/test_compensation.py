@@ -45,7 +45,7 @@ def test_average_reflectance_of_schlick_in_closed_form():
 @pytest.mark.parametrize("ndf", ["ggx", "beckmann"])
 @pytest.mark.parametrize("alpha", [0.1, 1.0])
 def test_kulla_conty_closes_the_furnace(ndf, alpha):
-    """Single bounce and lobe are integrated apart from the albedos that make the lobe; 3.4e-10 are left (Beckmann 1)."""
+    """Single bounce and lobe are integrated apart from the albedos behind the lobe; 3.4e-10 are left (Beckmann 1)."""
     found = brdftab.albedo("kulla-conty", ANGLES[:-1], ndf=ndf, alpha=alpha, material="mirror", tolerance=1e-6)
     np.testing.assert_allclose(found, 1.0, rtol=0.0, atol=1e-9)
 
