@@ -166,13 +166,13 @@ def test_bounces_beyond_the_first_equal_a_random_walk(degrees):
     assert (np.abs(own - share) <= 4.5 * error + 5e-3 * own.max()).all()
 
 
-# measured 4.3e-6 up to 85 degrees on either side, 1.2e-5 at alpha .5 for light from straight below, where total
-# reflection begins at one angle for all azimuths; Beckmann 7e-6
-@pytest.mark.parametrize(("ndf", "alpha", "bound"), [("ggx", 0.5, 2e-5), ("ggx", 0.2, 1e-5), ("ggx", 0.1, 3e-5),
-                                                     ("beckmann", 0.5, 1e-5), ("beckmann", 0.1, 3e-5)])  # fmt: skip
-def test_no_energy_is_lost(ndf, alpha, bound):
-    theta = np.radians([0.0, 30.0, 60.0, 85.0, 95.0, 130.0, 140.0, 165.0, 180.0])
-    reflected, transmitted = split_albedo(setup(ndf=ndf, alpha=alpha), theta, 1e-3)
+# measured at 1e-4: GGX 1.6e-6 (alpha 1), 1.9e-6 (.5), 2.0e-6 (.2), 1.8e-6 (.1); Beckmann 6.4e-7 (1), 3.9e-6 (.1); at 1e-3
+# and alpha 1 up to 1.3e-5
+@pytest.mark.parametrize("alpha", [1.0, 0.5, 0.2, 0.1])
+@pytest.mark.parametrize(("ndf", "bound"), [("ggx", 3e-6), ("beckmann", 6e-6)])
+def test_no_energy_is_lost(ndf, bound, alpha):
+    theta = np.radians([0.0, 30.0, 60.0, 85.0, 95.0, 130.0, 135.0, 140.0, 165.0, 180.0])
+    reflected, transmitted = split_albedo(setup(ndf=ndf, alpha=alpha), theta, 1e-4)
     assert reflected.min() > 0.0
     # beyond total reflection Beckmann passes nothing that a double holds
     assert transmitted.min() >= 0.0
