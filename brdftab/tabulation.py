@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-import os
 import time
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -13,7 +12,7 @@ import numba
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from brdftab import models
+from brdftab import memory, models
 from brdftab._version import __version__
 from brdftab.attempts import until_met
 from brdftab.engine import Engine, Progress
@@ -48,15 +47,11 @@ def thread_count(threads: int | None) -> Iterator[int]:
 
 def _check_memory(grid: Grid, channels: int, dtype: DTypeLike, layers: int) -> None:
     """Refuse a table that the machine cannot hold, rather than let the system end the process."""
-    needed = grid.nbytes(channels, dtype) * (layers + 1)
-    try:
-        there = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    except (AttributeError, ValueError, OSError):
-        return
-    if needed > 0.8 * there:
+    needed, there = grid.nbytes(channels, dtype) * (layers + 1), memory.offered()
+    if needed > there:
         raise GridError(
             f"grid = {'x'.join(map(str, grid.shape))} needs {needed / 2**30:.3g} GiB, outside the "
-            f"{0.8 * there / 2**30:.3g} GiB that this machine offers; ask for a coarser grid, float32 or no components"
+            f"{there / 2**30:.3g} GiB that this machine offers; ask for a coarser grid, float32 or no components"
         )
 
 

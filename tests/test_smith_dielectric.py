@@ -166,8 +166,8 @@ def test_bounces_beyond_the_first_equal_a_random_walk(degrees):
     assert (np.abs(own - share) <= 4.5 * error + 5e-3 * own.max()).all()
 
 
-# measured at 1e-4: GGX 1.6e-6 (alpha 1), 1.9e-6 (.5), 2.0e-6 (.2), 1.8e-6 (.1); Beckmann 6.4e-7 (1), 3.9e-6 (.1); at 1e-3
-# and alpha 1 up to 1.3e-5
+# measured at 1e-4: GGX 1.6e-6 (alpha 1), 1.9e-6 (.5), 2.0e-6 (.2), 1.8e-6 (.1); Beckmann 6.4e-7 (1), 3.9e-6 (.1);
+# at 1e-3 and alpha 1 up to 1.3e-5
 @pytest.mark.parametrize("alpha", [1.0, 0.5, 0.2, 0.1])
 @pytest.mark.parametrize(("ndf", "bound"), [("ggx", 3e-6), ("beckmann", 6e-6)])
 def test_no_energy_is_lost(ndf, bound, alpha):

@@ -8,6 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import brdftab
+from brdftab import memory
+from brdftab.errors import ParameterError
 from brdftab.materials.fresnel import reflectance
 from brdftab.models.setup import resolve
 from brdftab.models.smith_multi import volterra
@@ -268,3 +271,10 @@ def test_inner_rule_integrates_what_the_panel_interpolates():
         exact = math.pi * sum((math.sin(k * high) - math.sin(k * beta)) / k for k in (2, 4))
         assert found == pytest.approx(exact, abs=1e-4)
     assert measure.sum() == pytest.approx(2.0 * math.pi * (math.sin(high) - math.sin(low)), rel=1e-9)
+
+
+def test_modes_that_do_not_fit_are_refused_with_a_remedy(monkeypatch):
+    monkeypatch.setattr(memory, "offered", lambda: 1e5)
+    with pytest.raises(ParameterError, match=r"GiB for the azimuth modes of 12 polar angles.*ask for fewer") as caught:
+        brdftab.tabulate("smith-multi", "12x12x2", alpha=0.5)
+    assert "\n" not in str(caught.value)

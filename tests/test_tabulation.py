@@ -8,7 +8,7 @@ import pytest
 import brdftab
 from brdftab.cells import mirror_average
 from brdftab.engine import Engine
-from brdftab.errors import ParameterError, SingularDirectionError
+from brdftab.errors import GridError, ParameterError, SingularDirectionError
 from brdftab.grid import Grid
 from brdftab.models.setup import resolve
 from brdftab.tabulation import retabulate
@@ -173,3 +173,9 @@ def test_tight_tolerance_is_met_by_direct_evaluation():
     # the mirror cells' own quadrature is what limits: the verdict has to say which way it went
     assert error["met"] == (error["estimate"] <= 1e-6)
     assert error["met"] or error["reason"]
+
+
+def test_tables_that_do_not_fit_are_refused(monkeypatch):
+    monkeypatch.setattr("brdftab.memory.offered", lambda: 1e5)
+    with pytest.raises(GridError, match=r"grid = 40x40x40 needs .* GiB, outside the"):
+        brdftab.tabulate("lambert", "40x40x40")

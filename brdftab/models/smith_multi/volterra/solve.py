@@ -1,25 +1,18 @@
-"""The bounces of order two and above, mode by mode: a triangular solve and a quadratic form.
-
-Light that comes down at depression b_i scatters further down or up, and every scattering raises d_z. Let z_o(b) be the
-light that leaves at elevation b_o of what travels upwards at elevation b < b_o, for any number of bounces:
-
-    z_o(b) = K(b -> b_o) + int_b^b_o K(b -> b') w(b') z_o(b') db'.
-
-By reciprocity it is also what becomes of light from depression b_o on its way down. One bounce H turns down into up, so
-that the sum over two and more bounces is z_i w H + H w z_o + z_i w H w z_o: symmetric, with half the unknowns.
-"""
+"""The bounces of order two and above: which orders and sources are solved together, all at once or bounce by bounce."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
-import numba
 import numpy as np
 
-from brdftab.jit import kernel, parallel_kernel
+from brdftab import memory
+from brdftab.errors import ParameterError
 from brdftab.models.smith_multi.volterra.orders import Orders
 from brdftab.models.smith_multi.volterra.panels import Mesh
+from brdftab.models.smith_multi.volterra.triangle import solve_modes
 
 # bytes of the kernels of a chunk of modes
 MEMORY = 96e6
@@ -44,110 +37,6 @@ class Coefficients:
     size: np.ndarray
 
 
-@kernel
-def _add_rows(scalars, rows, k0, k1, starts, low, out, r):
-    """Add sum_k scalars[k] rows[k] to out[r], columns from max(low, starts[k]) on; starts must not decrease."""
-    width = out.shape[1]
-    k = k0
-    while k + 4 <= k1:
-        a, b, c, d = scalars[k], scalars[k + 1], scalars[k + 2], scalars[k + 3]
-        for n in range(max(low, starts[k]), width):
-            out[r, n] += a * rows[k, n] + b * rows[k + 1, n] + (c * rows[k + 2, n] + d * rows[k + 3, n])
-        k += 4
-    while k < k1:
-        a = scalars[k]
-        for n in range(max(low, starts[k]), width):
-            out[r, n] += a * rows[k, n]
-        k += 1
-
-
-@kernel
-def _invert(matrix, size):
-    """Invert the leading block of a small, diagonally dominant matrix in place."""
-    for p in range(size):
-        pivot = 1.0 / matrix[p, p]
-        matrix[p, p] = 1.0
-        for c in range(size):
-            matrix[p, c] *= pivot
-        for r in range(size):
-            if r != p:
-                factor = matrix[r, p]
-                matrix[r, p] = 0.0
-                for c in range(size):
-                    matrix[r, c] -= factor * matrix[p, c]
-
-
-@kernel
-def _climb(up, up_source, within, nodes, z):
-    """Fill z (N, T) with the weighted unknown w z_o at the nodes, from the highest panel down."""
-    weight, first, active, starts, inner, share = nodes
-    total = weight.size
-    block = np.empty((share.shape[1], share.shape[1]))
-    solved = np.empty((share.shape[1], z.shape[1]))
-    for p in range(first.size - 2, -1, -1):
-        low, high, lowest = first[p], first[p + 1], active[p]
-        size = high - low
-        for j in range(low, high):
-            for i in range(lowest):
-                z[j, i] = 0.0
-            for i in range(lowest, z.shape[1]):
-                z[j, i] = up_source[j, i]
-            _add_rows(up[j], z, high, total, starts, lowest, z, j)
-            for k in range(size):
-                part = 0.0
-                for r in range(inner[j], inner[j + 1]):
-                    part -= within[r] * share[r, k]
-                block[j - low, k] = part
-            block[j - low, j - low] += 1.0
-        _invert(block, size)
-        for k in range(size):
-            for i in range(lowest, z.shape[1]):
-                solved[k, i] = 0.0
-            for j in range(size):
-                a = block[k, j] * weight[low + k]
-                for i in range(lowest, z.shape[1]):
-                    solved[k, i] += a * z[low + j, i]
-        for k in range(size):
-            for i in range(lowest, z.shape[1]):
-                z[low + k, i] = solved[k, i]
-
-
-@kernel
-def _join(z, turn, turn_source, stops, starts, turned, cross, out):
-    """Write the symmetric form of the weighted unknown z with the bounces from down to up to out (T, T)."""
-    total, sources = z.shape
-    column, zeros = np.empty(total), np.zeros(total, np.int64)
-    for k in range(total):
-        for i in range(sources):
-            turned[k, i] = 0.0
-        _add_rows(turn[k], z, 0, total, starts, starts[k], turned, k)
-    for i in range(sources):
-        for k in range(stops[i]):
-            column[k] = z[k, i]
-        for o in range(sources):
-            out[i, o] = 0.0
-            cross[i, o] = 0.0
-        _add_rows(column, turned, 0, stops[i], starts, i, out, i)
-        _add_rows(column, turn_source, 0, stops[i], zeros, 0, cross, i)
-    for i in range(sources):
-        for o in range(i, sources):
-            value = out[i, o] + cross[i, o] + cross[o, i]
-            out[i, o] = value
-            out[o, i] = value
-
-
-@parallel_kernel
-def _solve(up, up_source, within, turn, turn_source, nodes, stops, out):
-    """Fill out (K, T, T) for K pairs of wavelength and order."""
-    starts = nodes[3]
-    for q in numba.prange(up.shape[0]):
-        total, sources = up_source.shape[1:]
-        z, turned = np.empty((total, sources)), np.empty((total, sources))
-        cross = np.empty((sources, sources))
-        _climb(up[q], up_source[q], within[q], nodes, z)
-        _join(z, turn[q], turn_source[q], stops, starts, turned, cross, out[q])
-
-
 def _inside(up: np.ndarray, within: np.ndarray, mesh: Mesh) -> np.ndarray:
     """Return the operator K w of the unknown at the nodes, (K, N, N)."""
     count = up.shape[1]
@@ -164,7 +53,7 @@ def _inside(up: np.ndarray, within: np.ndarray, mesh: Mesh) -> np.ndarray:
 def _series(kernels: tuple[np.ndarray, ...], mesh: Mesh, named: int, cap: int | None) -> list[np.ndarray]:
     """Return the modes (K, T, T) of 2 .. named + 1 bounces one by one, then those of 2 .. cap together if it is given.
 
-    The Neumann series of the equations that `_solve` solves.
+    The Neumann series of the equations of triangle.py.
     """
     up, up_source, within, turn, turn_source = kernels
     inside, weight = _inside(up, within, mesh), mesh.weight[:, None]
@@ -269,6 +158,17 @@ def _chunks(mesh: Mesh, chosen: Orders, waves: int, reached: np.ndarray) -> list
     return found
 
 
+def _check_memory(shape: tuple[int, int, int], sources: int) -> None:
+    """Refuse modes that the machine cannot hold."""
+    needed, there = 8.0 * math.prod(shape), memory.offered()
+    if needed > there:
+        raise ParameterError(
+            f"the solver needs {needed / 2**30:.3g} GiB for the azimuth modes of {sources} polar angles, {shape[1]} "
+            f"wavelengths and {shape[0]} components, outside the {there / 2**30:.3g} GiB that this machine offers; ask "
+            "for fewer polar angles, fewer wavelengths, no components or a larger tolerance"
+        )
+
+
 def solve(
     ndf: Any, mesh: Mesh, alpha: float, fitted: Any, chosen: Orders, needed: np.ndarray, layers: int, cap: int | None
 ) -> Coefficients:
@@ -293,6 +193,11 @@ def solve(
         unless `cap` bounces end before.
     cap : int or None
         Largest number of bounces.
+
+    Raises
+    ------
+    ParameterError
+        If the modes take more memory than the machine has.
     """
     waves = fitted.constant.size
     chunks = _chunks(mesh, chosen, waves, np.tril(needed).max(axis=1))
@@ -303,14 +208,16 @@ def solve(
     short = cap if cap is not None and cap < ALL_BOUNCES else None
     named = layers if short is None else min(layers, short - 1)
     rest = layers == 0 or short is None or short - 1 > layers
-    values = np.empty((named + rest, waves, int(offset[-1])))
+    shape = named + rest, waves, int(offset[-1])
+    _check_memory(shape, mesh.source.size)
+    values = np.empty(shape)
     for start, stop, sources in chunks:
         part = _part(mesh, sources)
         kernels = _kernels(ndf, part, chosen.nodes[start:stop], alpha, fitted)
         terms = _series(kernels, part, named, short) if named or short else []
         if short is None:
             total = np.empty((waves * (stop - start), sources, sources))
-            _solve(*kernels, _arguments(part), np.searchsorted(part.beta, part.source), total)
+            solve_modes(*kernels, _arguments(part), np.searchsorted(part.beta, part.source), total)
             terms.append(total)
         if named and rest:
             terms[-1] = terms[-1] - sum(terms[:-1])
