@@ -127,8 +127,14 @@ def tabulate(
         grid = (DEFAULT_BELOW if setup.transmits else DEFAULT_GRID) if setup.isotropic else DEFAULT_ANISOTROPIC
     layout = Grid.resolve(grid, cell)
     if layout.isotropic and not setup.isotropic:
+        rough = setup.model.roughness
+        why = (
+            f"model = {setup.model.name} has a direction of its own and needs"
+            if setup.model.grain
+            else f"{rough}_x = {setup.alpha_x:g}, {rough}_y = {setup.alpha_y:g} need"
+        )
         raise ParameterError(
-            f"alpha_x = {setup.alpha_x:g}, alpha_y = {setup.alpha_y:g} need a grid of four axes, not "
+            f"{why} a grid of four axes, not "
             f"{'x'.join(map(str, layout.shape))}; give theta_i x phi_i x theta_o x phi_o, as {DEFAULT_ANISOTROPIC}"
         )
     if layout.below and not setup.transmits:

@@ -53,7 +53,7 @@ def _text(param: Param) -> str:
 
 def _option(name: str, variants: list[tuple[Param, list[str]]], total: int) -> Callable[[Any], Any]:
     """Return the click option of one parameter name."""
-    kind: Any = {"float": float, "int": int, "channels": Numbers(), "choice": str}[variants[0][0].kind]
+    kind: Any = {"float": float, "int": int, "channels": Numbers(), "choice": str, "text": str}[variants[0][0].kind]
     parts = []
     for param, users in variants:
         plain = len(variants) == 1 and (len(users) > 3 or len(users) == total)

@@ -31,8 +31,9 @@ class Param:
         Inclusive lower and upper bound of every entry.
     doc : str
         One line for ``--help`` and ``brdftab models``.
-    kind : {"float", "channels", "choice", "int"}
-        ``channels`` takes one value or one a channel; ``choice`` takes one of `choices`.
+    kind : {"float", "channels", "choice", "int", "text"}
+        ``channels`` takes one value or one a channel; ``choice`` takes one of `choices`; ``text`` is read by the
+        model's own ``settle``.
     choices : tuple of str
         Allowed words of a ``choice``.
     remark : str
@@ -75,6 +76,8 @@ class Model:
         False where swapping light and view changes the value, so that no half of a grid follows from the other.
     transmits : bool
         True where a dielectric (ior) sends light through the surface, so that directions below it count.
+    grain : bool
+        True where the surface has a direction of its own, azimuth 0, so that azimuths count one by one.
     roughness : str
         Name of the roughness parameter; its anisotropic pair ends in ``_x`` and ``_y``.
     """
@@ -92,6 +95,7 @@ class Model:
     multibounce: bool = False
     transmits: bool = False
     reciprocal: bool = True
+    grain: bool = False
     ndfs: tuple[str, ...] = field(default=())
     roughness: str = "alpha"
 

@@ -61,7 +61,7 @@ class Setup:
     @property
     def isotropic(self) -> bool:
         """True when the BRDF depends on phi_o - phi_i only."""
-        return self.alpha_x == self.alpha_y
+        return self.alpha_x == self.alpha_y and not self.model.grain
 
 
 def _floats(param: Param, value: Any) -> Any:
@@ -106,6 +106,10 @@ def _checked(param: Param, value: Any) -> Any:
         if value not in choices:
             why = f" ({param.remark})" if param.remark else ""
             raise ParameterError(f"{param.name} = {value} is not known; choose one of {', '.join(choices)}{why}")
+        return value
+    if param.kind == "text":
+        if not (isinstance(value, str) and value):
+            raise ParameterError(f"{param.name} = {value!r} is not a word; give {param.doc}")
         return value
     return _floats(param, value)
 
@@ -237,13 +241,19 @@ def resolve(model: str, **given: Any) -> Setup:
     ndf, ax, ay = -1, 1.0, 1.0
     if declared.ndfs:
         ndf, ax, ay = _roughness(checked, declared)
-        fresnel = _fresnel(checked, declared) if declared.has("material") else _interface(checked, declared)
-        if declared.has("material") and not any(checked.get(s) is not None for s in ("material", "eta", "ior", "f0")):
+    if declared.has("material"):
+        fresnel = _fresnel(checked, declared)
+        if not any(checked.get(s) is not None for s in ("material", "eta", "ior", "f0")):
             checked["material"] = declared.param("material").default
+    elif declared.ndfs:
+        fresnel = _interface(checked, declared)
+    if fresnel is not None:
         channels = fresnel.channels
     for param in declared.params:
         rough = declared.roughness
-        if declared.ndfs and param.name in {*_FRESNEL_NAMES, "ndf", "exponent", rough, f"{rough}_x", f"{rough}_y"}:
+        if fresnel is not None and param.name in _FRESNEL_NAMES:
+            continue
+        if declared.ndfs and param.name in {"ndf", "exponent", rough, f"{rough}_x", f"{rough}_y"}:
             continue
         if param.default is not None and param.name not in checked:
             checked[param.name] = _checked(param, param.default)

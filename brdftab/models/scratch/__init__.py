@@ -1,0 +1,1 @@
+"""Extruded scratches with all interreflections between their walls."""
