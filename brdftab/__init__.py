@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from brdftab.integrals import albedo
     from brdftab.io import read, write
     from brdftab.sampling import pdf, sample
+    from brdftab.scratches.traced import Scratch, trace_scratch
     from brdftab.table import Table
     from brdftab.tabulation import tabulate
 
@@ -28,6 +29,7 @@ _HOMES = {
     "AlbedoTable": "brdftab.albedos",
     "FitResult": "brdftab.fitting.result",
     "Grid": "brdftab.grid",
+    "Scratch": "brdftab.scratches.traced",
     "Table": "brdftab.table",
     "albedo": "brdftab.integrals",
     "compare": "brdftab.comparison",
@@ -39,6 +41,7 @@ _HOMES = {
     "sample": "brdftab.sampling",
     "tabulate": "brdftab.tabulation",
     "tabulate_albedo": "brdftab.albedos",
+    "trace_scratch": "brdftab.scratches.traced",
     "write": "brdftab.io",
     "write_albedo": "brdftab.albedos",
 }
@@ -47,6 +50,7 @@ __all__ = [
     "AlbedoTable",
     "FitResult",
     "Grid",
+    "Scratch",
     "Table",
     "__version__",
     "albedo",
@@ -60,6 +64,7 @@ __all__ = [
     "sample",
     "tabulate",
     "tabulate_albedo",
+    "trace_scratch",
     "write",
     "write_albedo",
 ]
