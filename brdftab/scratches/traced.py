@@ -72,7 +72,7 @@ class Scratch:
 
     @cached_property
     def error(self) -> float:
-        """L1 distance to an independent trace with as many rays: the share of all light that leaves elsewhere, twice."""
+        """L1 distance to an independent trace with as many rays: twice the share of all light that leaves elsewhere."""
         one = self.traced
         return distance(one, trace(one.profile, one.bins, one.rays, one.cap, SHIFT))
 
@@ -166,8 +166,8 @@ class Scratch:
         given = (np.asarray(a, dtype=np.float64) for a in (theta_i, theta_o, phi, phi_i))
         angles = np.broadcast_arrays(*given)
         shape = angles[0].shape
-        flat = [np.ascontiguousarray(a).reshape(-1) for a in angles]
-        values = blur.points(self.traced, setup.fresnel, setup.values["psi"], *flat, 1)
+        ti, to, dphi, pi = (np.ascontiguousarray(a).reshape(-1) for a in angles)
+        values = blur.points(self.traced, setup.fresnel, setup.values["psi"], ti, to, dphi, pi, 1)
         return values[:, 0].reshape(*shape, -1)
 
     def sample(

@@ -80,8 +80,8 @@ def _spline(text: str, knots: Array, height: Callable[[Array], Array], slope: Ca
     second = h[:-1] + rise, centre, (s[1:] - centre) / width
     every = np.empty(2 * width.size + 1)
     every[0::2], every[1::2] = knots, middle
-    parts = [np.stack([a, b], axis=1).ravel() for a, b in zip(first, second, strict=True)]
-    return _of_pieces(text, every, *parts, symmetric=True)
+    heights, slopes, bends = (np.stack([a, b], axis=1).ravel() for a, b in zip(first, second, strict=True))
+    return _of_pieces(text, every, heights, slopes, bends, True)
 
 
 def flat() -> Profile:
