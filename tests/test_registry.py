@@ -28,8 +28,8 @@ PHI_I = np.array([0.0, 0.5, 2.0, 4.0, 5.5, 1.0])
 GRAIN = ((0.3, 0.4, -0.3, -0.6), (-0.9, 0.1, 0.9, 0.1), (0.0, -0.7, 0.004, 0.2))
 # no model's sum of rounding errors came near: reciprocity was measured at 5e-13
 RTOL = 1e-10
-# samples of the estimators
-PATHS = 4
+# samples of the estimators, and rays of what is traced once
+PATHS, RAYS = 4, 2048
 # pairs of directions where light passes the surface, whose solver is the dearest
 PASSING = 2
 
@@ -112,6 +112,8 @@ def physical(model, given):
     if is_stochastic(resolve(model, **given)):
         # as many paths as the declaration allows would take days
         given = {**given, "samples": min(given.get("samples", PATHS), PATHS)}
+    if "rays" in given:
+        given = {**given, "rays": min(given["rays"], RAYS)}
     return given
 
 
