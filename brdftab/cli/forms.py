@@ -73,7 +73,7 @@ def write_form(
     for t, values in zip(ANGLES, albedo, strict=True):
         click.echo(f"albedo {t:>4}  " + "  ".join(f"{v:.5f}" for v in values) + f"  ({named})")
     click.echo(
-        f"error        {error['l1']:.1e} L1 of the flux; {error['lost_mean']:.1e} of it lost to the cap of bounces"
+        f"error        {error['l1']:.1e} (L1 of the flux), {error['lost_mean']:.1e} cut off by the cap of bounces"
     )
     for path in paths:
         click.echo(f"wrote        {path} ({form})")
