@@ -22,9 +22,9 @@ KEPT = 4 + GROUPS
 # rays whose exit angles are further apart (in bins) are looked at in between
 APART = 3.0
 # how often an interval between two rays is halved where their numbers of bounces differ, and where only angles do
-HALVINGS, SMOOTH, FEW = 12, 5, 2
+HALVINGS, SMOOTH, FEW = 7, 3, 1
 # edges of intervals a column that get all these halvings
-EDGES = 48
+EDGES = 16
 END = 1e-9
 
 
@@ -121,7 +121,9 @@ def shoot(shape, tops, offsets, strata, cap, first, out, lost):
         Share of a column that the cap cuts off.
     """
     bins, angles = lost.size, offsets.size
-    for j in numba.prange(first, bins):
+    for column_number in numba.prange(bins - first):
+        # steep and grazing columns take turns
+        j = first + column_number // 2 if column_number % 2 == 0 else bins - 1 - column_number // 2
         low, high = math.sin(math.pi * (j / bins - 0.5)), math.sin(math.pi * ((j + 1.0) / bins - 0.5))
         begin, end, cosines = np.empty(3 + GROUPS), np.empty(3 + GROUPS), np.empty(cap)
         stack = np.empty((HALVINGS + 3, 3, 3 + GROUPS))
