@@ -187,7 +187,7 @@ def measured(heights: Array, text: str = "heights") -> Profile:
     knots = -1.0 + 2.0 * knots / knots[-1]
     knots[-1] = 1.0
     pieces = height, (b + 2.0 * start * d) / step, d / (step * step)
-    middle = c[(n + np.arange(c.size)) % c.size]
+    middle = c[order]
     symmetric = bool(f in (0.0, 1.0) and np.array_equal(middle, middle[::-1]))
     return _of_pieces(text, knots, *pieces, symmetric)
 
