@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from brdftab.integrals import albedo
     from brdftab.io import read, write
     from brdftab.sampling import pdf, sample
+    from brdftab.scratches.files import read_scratch, write_scratch
     from brdftab.scratches.traced import Scratch, trace_scratch
     from brdftab.table import Table
     from brdftab.tabulation import tabulate
@@ -38,12 +39,14 @@ _HOMES = {
     "pdf": "brdftab.sampling",
     "read": "brdftab.io",
     "read_albedo": "brdftab.albedos",
+    "read_scratch": "brdftab.scratches.files",
     "sample": "brdftab.sampling",
     "tabulate": "brdftab.tabulation",
     "tabulate_albedo": "brdftab.albedos",
     "trace_scratch": "brdftab.scratches.traced",
     "write": "brdftab.io",
     "write_albedo": "brdftab.albedos",
+    "write_scratch": "brdftab.scratches.files",
 }
 
 __all__ = [
@@ -61,12 +64,14 @@ __all__ = [
     "pdf",
     "read",
     "read_albedo",
+    "read_scratch",
     "sample",
     "tabulate",
     "tabulate_albedo",
     "trace_scratch",
     "write",
     "write_albedo",
+    "write_scratch",
 ]
 
 

@@ -41,9 +41,9 @@ numba.config.CACHE_DIR = str(CACHE_FOLDER)  # type: ignore[attr-defined]  # set 
 
 
 def has_compiled(part: str) -> bool:
-    """Tell whether the disk cache already holds a kernel of the module whose dotted name ends with `part`."""
+    """Tell whether the disk cache already holds a kernel of a module or folder whose dotted name ends with `part`."""
     stem = part.rsplit(".", 1)[-1]
-    return any(CACHE_FOLDER.glob(f"*/{stem}.*.nbi"))
+    return any(CACHE_FOLDER.glob(f"*/{stem}.*.nbi")) or any(CACHE_FOLDER.glob(f"{stem}_*/*.nbi"))
 
 
 def kernel(function: Callable[..., Any]) -> Any:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from brdftab.cli.forms import write_form
 from brdftab.cli.options import given_parameters, model_options
 from brdftab.cli.progress import progress_bar
 
@@ -24,8 +25,9 @@ def _tell_compiling(model: str) -> None:
     from brdftab.jit import has_compiled
     from brdftab.models import kernel
 
+    own = model.replace("-", "_")
     if not has_compiled(kernel(model).__name__) and not any(
-        has_compiled(part) for part in ("single", "single_table", "table", "interpolant") if model != "lambert"
+        has_compiled(part) for part in (own, "single", "single_table", "table", "interpolant") if model != "lambert"
     ):
         click.echo(
             f"brdftab: compiling kernels for {model}: the first run takes up to a minute, later ones start at once",
@@ -102,6 +104,12 @@ _AXIS = "start:stop:count or a,b,c [degrees]"
 )
 @click.option("--tolerance", type=float, default=1e-3, help="Relative error asked [default: 1e-3].")
 @_components
+@click.option(
+    "--form",
+    type=click.Choice(["native", "triplet", "dense", "blurred"]),
+    help="What is written of a scratch: flux and cosines by bounce order for any material; the paper's texture; a 4-D "
+    "table in the scratch's own angles (--grid TxP, default 16x32); or a table as of other models [default: native].",
+)
 @click.option("--threads", type=int, help="Threads [default: all].")
 @click.option("--overwrite", is_flag=True, help="Replace existing outputs.")
 @_json
@@ -113,6 +121,7 @@ def tabulate(
     dtype: str,
     tolerance: float,
     components: bool,
+    form: str | None,
     threads: int | None,
     overwrite: bool,
     as_json: bool,
@@ -133,13 +142,20 @@ def tabulate(
     if axes and not {"phi", "phi_i", "phi_o"} & set(axes):
         axes["phi"] = "0:180:181" if cell == "point" else "0.5:179.5:180"
     parameters = given_parameters(model, options)
-    resolve(model, **parameters)
+    forms = resolve(model, **parameters).model.forms
+    if form is not None and form not in forms:
+        raise ParameterError(f"form = {form} is not one of model = {model}, which has tables alone; leave it out")
     paths = outs or (f"{model}.exr",)
     if len(set(paths)) != len(paths):
         raise ParameterError(f"out = {', '.join(paths)} names a file twice; give each once")
     for path in paths:
         check_output(path, overwrite=overwrite)
     _tell_compiling(model)
+    chosen = form or (forms[0] if forms and not axes else "blurred")
+    if chosen != "blurred":
+        idle = {"cell": cell, "components": components or None, "threads": threads, **axes}
+        write_form(chosen, parameters, grid, paths, idle, overwrite, as_json)
+        return
     from brdftab.tabulation import tabulate as run
 
     with progress_bar("tabulating") as report:

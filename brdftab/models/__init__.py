@@ -78,6 +78,8 @@ class Model:
         True where a dielectric (ior) sends light through the surface, so that directions below it count.
     grain : bool
         True where the surface has a direction of its own, azimuth 0, so that azimuths count one by one.
+    forms : tuple of str
+        Files of its own kind that ``tabulate --form`` writes, the first by default; empty for tables alone.
     roughness : str
         Name of the roughness parameter; its anisotropic pair ends in ``_x`` and ``_y``.
     """
@@ -97,6 +99,7 @@ class Model:
     reciprocal: bool = True
     grain: bool = False
     ndfs: tuple[str, ...] = field(default=())
+    forms: tuple[str, ...] = field(default=())
     roughness: str = "alpha"
 
     def has(self, name: str) -> bool:

@@ -5,7 +5,7 @@ import math
 from brdftab.models import Model, Param
 from brdftab.models.microfacet.params import FRESNEL_PARAMS
 
-FORMS = "quartic:DEPTH, v:HALF_ANGLE, u:DEPTH[:EXPONENT], ellipse:DEPTH, flat or file:PATH"
+PROFILES = "quartic:DEPTH, v:HALF_ANGLE, u:DEPTH[:EXPONENT], ellipse:DEPTH, flat or file:PATH"
 BINS = (8, 512)
 
 SPEC = Model(
@@ -18,7 +18,7 @@ SPEC = Model(
             "",
             "quartic:1",
             None,
-            f"cross-section: {FORMS}; depths in half widths, angles in degrees",
+            f"cross-section: {PROFILES}; depths in half widths, angles in degrees",
             "text",
         ),
         Param(
@@ -34,6 +34,7 @@ SPEC = Model(
     ),
     components=("order1", "order2", "order3", "order4", "higher"),
     grain=True,
+    forms=("native", "triplet", "dense", "blurred"),
     citation=(
         "Raymond, Guennebaud, Barla: Multi-Scale Rendering of Scratched Materials using a Structured SV-BRDF Model. "
         "ACM Transactions on Graphics 35(4), 2016"

@@ -41,7 +41,9 @@ def _gather(counts, share, symmetric, flux, facts):
     Of a symmetric profile the second half of the columns is counted; a path and its mirror image weigh the same.
     """
     bins, layers, _, kept = counts.shape
-    for k in numba.prange(bins):
+    for n in numba.prange(bins):
+        # long and short rows take turns
+        k = n // 2 if n % 2 == 0 else bins - 1 - n // 2
         sums = np.empty(kept)
         for layer in range(layers):
             for j in range(k + 1):

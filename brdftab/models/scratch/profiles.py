@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.errors import FileFormatError, ParameterError
+from brdftab.models.scratch import PROFILES
 
 Array = NDArray[np.float64]
 # parabolas of an analytic profile: slopes good to 1e-5 of their range
 PIECES = 512
-FORMS = "quartic:DEPTH, v:HALF_ANGLE, u:DEPTH[:EXPONENT], ellipse:DEPTH, flat or file:PATH"
 DEEPEST = 100.0
 
 
@@ -187,7 +187,7 @@ def measured(heights: Array, text: str = "heights") -> Profile:
     knots = -1.0 + 2.0 * knots / knots[-1]
     knots[-1] = 1.0
     pieces = height, (b + 2.0 * start * d) / step, d / (step * step)
-    middle = c[(n + np.arange(c.size)) % c.size]
+    middle = c[order]
     symmetric = bool(f in (0.0, 1.0) and np.array_equal(middle, middle[::-1]))
     return _of_pieces(text, knots, *pieces, symmetric)
 
@@ -245,7 +245,7 @@ def _number(word: str, name: str, low: float, high: float, valid: str) -> float:
     except ValueError:
         value = math.nan
     if not low <= value <= high:
-        raise ParameterError.out_of_range("profile", name, valid, f"forms are {FORMS}")
+        raise ParameterError.out_of_range("profile", name, valid, f"forms are {PROFILES}")
     return value
 
 
@@ -282,4 +282,4 @@ def parse(text: str) -> Profile:
         least = math.degrees(math.atan(1.0 / DEEPEST))
         angle = _number(words[0], text, least, 90.0, f"a half angle in [{least:.2g}, 90] degrees")
         return flat() if angle == 90.0 else vee(angle)
-    raise ParameterError(f"profile = {text} is not known; give {FORMS}")
+    raise ParameterError(f"profile = {text} is not known; give {PROFILES}")

@@ -63,7 +63,9 @@ def _shade(fresnel, weights, rows, column, groups, mass, facts, symmetric, share
     bins = share.size
     step = math.pi / bins
     last = bins - 1
-    for k in numba.prange(bins):
+    for n in numba.prange(bins):
+        # long and short rows take turns
+        k = n // 2 if n % 2 == 0 else last - n // 2
         row, total = np.empty(weights.shape[0]), np.empty(weights.shape[0])
         e = rows[k]
         while e < rows[k + 1]:

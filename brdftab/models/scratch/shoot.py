@@ -22,16 +22,27 @@ KEPT = 4 + GROUPS
 # rays whose exit angles are further apart (in bins) are looked at in between
 APART = 3.0
 # how often an interval between two rays is halved where their numbers of bounces differ, and where only angles do
-HALVINGS, SMOOTH, FEW = 12, 5, 2
+HALVINGS, SMOOTH, FEW = 7, 3, 1
 # edges of intervals a column that get all these halvings
-EDGES = 48
+EDGES = 16
+# times as many angles in the two bins at the horizon
+GRAZING = 4
 END = 1e-9
 
 
 @kernel
-def _spread(out, low, high, mass, one, other):
-    """Add mass evenly over exit angles between low and high (in bins); out (L, M, KEPT), two rays of equal order."""
+def _spread(out, before, after, mass, one, other):
+    """Add mass evenly over the exit angles (in bins) between two rays of equal order; out (L, M, KEPT).
+
+    Their incident angle stands for those from `before` below it to `after` above it; flat walls turn these round with
+    every bounce, and curved ones not much otherwise from a given place.
+    """
     size = out.shape[1]
+    low, high = min(one[1], other[1]), max(one[1], other[1])
+    if int(one[2]) % 2 == 1:
+        before, after = after, before
+    low -= before
+    high += after
     order = min(int(one[2]), ORDERS)
     layer = 0
     if order > 1:
@@ -61,7 +72,7 @@ def _spread(out, low, high, mass, one, other):
 
 
 @kernel
-def _between(shape, tops, sine, cosine, reach, begin, end, halvings, cosines, stack, out):
+def _between(shape, tops, sine, cosine, before, after, begin, end, halvings, cosines, stack, out):
     """Deposit the rays between two of them; returns the mass cut off and 1 if their bounces differ.
 
     Intervals are halved where bounces differ or exit angles (ray[1], in bins) lie apart.
@@ -89,13 +100,13 @@ def _between(shape, tops, sine, cosine, reach, begin, end, halvings, cosines, st
         depth -= 1
         mass = 0.5 * (other[0] - one[0])
         if same and one[2] > 0.0 and apart <= 8.0 * APART:
-            _spread(out, min(one[1], other[1]) - reach, max(one[1], other[1]) + reach, mass, one, other)
+            _spread(out, before, after, mass, one, other)
             continue
         for side in (one, other):
             if side[2] == 0.0:
                 lost += 0.5 * mass
             else:
-                _spread(out, side[1] - reach, side[1] + reach, 0.5 * mass, side, side)
+                _spread(out, before, after, 0.5 * mass, side, side)
     return lost, 0 if begin[2] == end[2] else 1
 
 
@@ -120,27 +131,35 @@ def shoot(shape, tops, offsets, strata, cap, first, out, lost):
     lost : float64 (M,)
         Share of a column that the cap cuts off.
     """
-    bins, angles = lost.size, offsets.size
-    for j in numba.prange(first, bins):
+    bins = lost.size
+    for column_number in numba.prange(bins - first):
+        # steep and grazing columns take turns
+        j = first + column_number // 2 if column_number % 2 == 0 else bins - 1 - column_number // 2
         low, high = math.sin(math.pi * (j / bins - 0.5)), math.sin(math.pi * ((j + 1.0) / bins - 0.5))
+        # grazing light changes within its bin
+        angles = offsets.size * (GRAZING if j == 0 or j == bins - 1 else 1)
         begin, end, cosines = np.empty(3 + GROUPS), np.empty(3 + GROUPS), np.empty(cap)
         stack = np.empty((HALVINGS + 3, 3, 3 + GROUPS))
         column = np.zeros((LAYERS, bins, KEPT))
         missed = 0.0
-        # an angle stands for those up to its neighbours
-        reach = 0.5 / angles
         for a in range(angles):
             sine = low + (high - low) * (a + 0.5) / angles
             cosine = math.sqrt((1.0 - sine) * (1.0 + sine))
+            # an angle stands for an equal share of the bin's flux
+            middle = math.asin(sine)
+            before = (middle - math.asin(low + (high - low) * a / angles)) * bins / math.pi
+            after = (math.asin(min(low + (high - low) * (a + 1.0) / angles, 1.0)) - middle) * bins / math.pi
             edges = 0
             for n in range(strata + 2):
-                x = -1.0 + 2.0 * (n - 1.0 + offsets[a]) / strata
+                x = -1.0 + 2.0 * (n - 1.0 + offsets[a % offsets.size]) / strata
                 x = -1.0 + END if n == 0 else (1.0 - END if n == strata + 1 else x)
                 path(shape, tops, x, sine, cosine, cosines, end)
                 end[1] = (end[1] / math.pi + 0.5) * bins
                 if n > 0:
                     halvings = HALVINGS if edges < EDGES else FEW
-                    cut, met = _between(shape, tops, sine, cosine, reach, begin, end, halvings, cosines, stack, column)
+                    cut, met = _between(
+                        shape, tops, sine, cosine, before, after, begin, end, halvings, cosines, stack, column
+                    )
                     missed += cut / angles
                     edges += met
                 begin[:] = end

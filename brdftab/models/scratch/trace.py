@@ -119,7 +119,8 @@ def trace(profile: Profile, bins: int = BINS, rays: int = RAYS[0][1], cap: int =
     shift : float
         Other values start the rays elsewhere, for an independent result.
     """
-    angles = max(1, round(math.sqrt(rays / 32.0)))
+    # an independent result has other angles as well as other places
+    angles = max(1, round(math.sqrt(rays / 32.0))) + (shift != 0.0)
     strata = max(1, round(rays / angles))
     offsets = ((np.arange(angles) + 0.5) * GOLDEN + shift) % 1.0
     shape = profile.knots, profile.height, profile.slope, profile.bend
