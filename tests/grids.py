@@ -1,4 +1,6 @@
-"""Small grids for tests of every model: three axes, or four where azimuths count one by one."""
+"""Small grids for tests of every model: three axes, or four where azimuths count one by one; and cheap settings."""
+
+import math
 
 import numpy as np
 
@@ -9,6 +11,15 @@ from brdftab import models
 def grid_of(model, three, four):
     """Return the grid that goes with the model's declaration."""
     return four if models.spec(model).grain else three
+
+
+# what a table is traced with whatever its tolerance, and blurs that a coarse cell can average
+CHEAP = {"bins": 32, "rays": 512, "psi": math.radians(20.0)}
+
+
+def cheap(model):
+    """Return settings with which points and tables of a traced model are the same function, and not a narrow one."""
+    return {name: value for name, value in CHEAP.items() if models.spec(model).has(name)}
 
 
 def swapped(table):
