@@ -132,7 +132,7 @@ def lights(bins: int) -> list[tuple[str, float, np.ndarray]]:
 def fitted_phong(bins: int, reference: dict[str, np.ndarray], nv: float, fit: bool) -> tuple[dict, float]:
     """Return flux by light, with one factor for all lights that makes the mean error least, and the factor."""
     found = {name: phong(bins, nv, columns, t) for name, t, columns in lights(bins)}
-    scales = np.geomspace(0.1, 3.0, 200) if fit else np.ones(1)
+    scales = np.geomspace(0.01, 3.0, 300) if fit else np.ones(1)
     errors = [np.mean([error(s * found[name], reference[name]) for name in found]) for s in scales]
     best = float(scales[int(np.argmin(errors))])
     return {name: best * value for name, value in found.items()}, best

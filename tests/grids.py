@@ -13,12 +13,12 @@ def grid_of(model, three, four):
     return four if models.spec(model).grain else three
 
 
-# what a table is traced with whatever its tolerance, and blurs that a coarse cell can average
-CHEAP = {"bins": 32, "rays": 512, "psi": math.radians(20.0)}
+# what a table is traced with whatever its tolerance, and lobes that a coarse cell can average
+CHEAP = {"bins": 32, "rays": 512, "psi": math.radians(20.0), "nu": 2.0, "nv": 1.0}
 
 
 def cheap(model):
-    """Return settings with which points and tables of a traced model are the same function, and not a narrow one."""
+    """Return settings with which points and tables are the same function, and not a narrow one."""
     return {name: value for name, value in CHEAP.items() if models.spec(model).has(name)}
 
 

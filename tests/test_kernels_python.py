@@ -10,6 +10,7 @@ import sys
 
 import numpy as np
 import pytest
+from grids import cheap
 
 import brdftab
 from brdftab import models
@@ -107,7 +108,8 @@ def settings():
         if "samples" in takes:
             # all bounces of Smith facets take minutes without JIT, be they solved or drawn
             continue
-        found.append((name, {}))
+        # rays take minutes without JIT, too: as few as are allowed
+        found.append((name, {**cheap(name), **{n: int(spec.param(n).bounds[0]) for n in {"bins", "rays"} & takes}}))
         if "ggx" in spec.ndfs and f"{spec.roughness}_x" in takes:
             rough = {f"{spec.roughness}_x": 0.3, f"{spec.roughness}_y": 0.6}
             found.append((name, {"ndf": "ggx", **rough, **({"eta": 0.4, "k": 2.5} if "eta" in takes else {})}))

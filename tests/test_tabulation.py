@@ -36,8 +36,12 @@ def test_centers_are_point_values(model):
     assert table.provenance["error"]["estimate"] <= 1e-3
 
 
-@pytest.mark.parametrize("model", [name for name in DETERMINISTIC if brdftab.models.spec(name).reciprocal])
-@pytest.mark.parametrize("cell", ["center", "average"])
+RECIPROCAL = [name for name in DETERMINISTIC if brdftab.models.spec(name).reciprocal]
+# what is traced jumps from bin to bin along a thin cone: the estimate of averages would take minutes and tell so
+AVERAGED = [name for name in RECIPROCAL if not brdftab.models.spec(name).has("rays")]
+
+
+@pytest.mark.parametrize(("model", "cell"), [*((m, "center") for m in RECIPROCAL), *((m, "average") for m in AVERAGED)])
 def test_square_tables_are_exactly_reciprocal(model, cell):
     table = brdftab.tabulate(model, grid_of(model, "9x9x10", "2x4x2x4"), cell=cell, tolerance=0.1, **cheap(model))
     assert np.array_equal(table.values, swapped(table))
