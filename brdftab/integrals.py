@@ -40,9 +40,11 @@ def _azimuths(setup: Setup, theta_i: float, phi_i: float, nodes: int) -> tuple[A
         return angle, 2.0 * weight
     edges += [2.0 * math.pi - e for e in edges]
     small = min(setup.alpha_x, setup.alpha_y) / max(setup.alpha_x, setup.alpha_y)
+    # the lobe's share of an azimuth falls like 1/(small^2 + turn^2)
+    turns = [0.0, *(0.5 * small * 2.0 ** np.arange(max(4, math.ceil(math.log2(2.0 / small)))))]
     for quarter in range(4):
         axis = quarter * 0.5 * math.pi - phi_i
-        for turn in (0.0, 0.5 * small, small, 2.0 * small, 4.0 * small):
+        for turn in turns:
             edges += [(axis + math.atan(turn)) % (2.0 * math.pi), (axis - math.atan(turn)) % (2.0 * math.pi)]
     return _panels(np.unique(np.round(edges, 12)), nodes)
 
@@ -50,8 +52,8 @@ def _azimuths(setup: Setup, theta_i: float, phi_i: float, nodes: int) -> tuple[A
 def half_vector_nodes(setup: Setup, theta_i: float, phi_i: float, nodes: int) -> tuple[Array, Array, Array]:
     """Return theta_o, phi and weights with sum(f weights) = the albedo: d omega_o = 4 (i.h) d omega_h."""
     azimuth, weight_a = _azimuths(setup, theta_i, phi_i, nodes)
-    # without facets, or with flat ones, there is no peak to resolve
-    rough = setup.ndf >= 0 and setup.alpha_x > 0.0
+    # flat facets leave no peak to resolve, and diffusers have the width 1
+    rough = setup.alpha_x > 0.0
     alpha = max(setup.alpha_x, setup.alpha_y) if rough else 1.0
     least = min(setup.alpha_x, setup.alpha_y) if rough else 1.0
     scales = np.arctan(least * 2.0 ** np.arange(-2.0, 2.0 + math.ceil(math.log2(8.0 * max(alpha, 1.0) / least))))

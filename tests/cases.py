@@ -53,6 +53,40 @@ def _qualitative(kd: float, sigma: float, theta_i: float, theta_o: float, phi: f
     return kd / PI * (a + b * max(0.0, math.cos(p)) * math.sin(max(ti, to)) * math.tan(min(ti, to)))
 
 
+def _phong(nu: float, nv: float, angles: tuple[float, float, float], phi_i: float, f0: float) -> tuple[float, float]:
+    """Write out Eqs. 4 and 5 of Ashikhmin and Shirley with vectors: highlight, and base of kd = 1; degrees."""
+    ti, to, pi, po = (math.radians(a) for a in (*angles[:2], phi_i, phi_i + angles[2]))
+    k1, k2 = ([math.sin(t) * math.cos(p), math.sin(t) * math.sin(p), math.cos(t)] for t, p in ((ti, pi), (to, po)))
+    half = [a + b for a, b in zip(k1, k2, strict=True)]
+    x, y, z = (c / math.hypot(*half) for c in half)
+    k_h = k1[0] * x + k1[1] * y + k1[2] * z
+    lobe = math.sqrt((nu + 1.0) * (nv + 1.0)) / (8.0 * PI) * z ** ((nu * x * x + nv * y * y) / (1.0 - z * z))
+    fresnel = f0 + (1.0 - f0) * (1.0 - k_h) ** 5
+    matte = 28.0 / (23.0 * PI) * (1.0 - f0) * (1.0 - (1.0 - 0.5 * k1[2]) ** 5) * (1.0 - (1.0 - 0.5 * k2[2]) ** 5)
+    return lobe * fresnel / (k_h * max(k1[2], k2[2])), matte
+
+
+def _highlights() -> list[Case]:
+    """Return the anisotropic Phong model in and off the plane of incidence, with and without a base."""
+    found = []
+    for nu, nv, angles, phi_i, f0, kd in (
+        (200.0, 20.0, (30.0, 50.0, 170.0), 25.0, 0.04, 0.0),
+        (1e4, 2.0, (60.0, 20.0, 120.0), 80.0, 0.9, 0.3),
+        (3.0, 3.0, (80.0, 85.0, 150.0), 200.0, 0.5, 1.0),
+        (0.0, 1000.0, (10.0, 5.0, 40.0), -60.0, 0.0, 0.7),
+    ):
+        specular, diffuse = _phong(nu, nv, angles, phi_i, f0)
+        found.append(
+            Case(
+                f"ashikhmin-shirley {nu:g} {nv:g}", "ashikhmin-shirley", {"nu": nu, "nv": nv, "f0": f0, "kd": kd},
+                angles, (specular + kd * diffuse,), "Eqs. 4 and 5", phi_i,
+                {"specular": (specular,), "diffuse": (kd * diffuse,)},
+                tags=frozenset({"closed", "anisotropic", "components"}),
+            )
+        )  # fmt: skip
+    return found
+
+
 def _conductor(n: float, k: float) -> float:
     return ((n - 1.0) ** 2 + k * k) / ((n + 1.0) ** 2 + k * k)
 
@@ -178,6 +212,7 @@ CASES: tuple[Case, ...] = (
         "smith at grazing view", "smith", {"material": "mirror"}, (30.0, 90.0, 180.0), (0.0,), "horizon",
         tags=frozenset({"horizon"}),
     ),
+    *_highlights(),
     *_facets("cook-torrance"),
     *_facets("smith"),
     *_facets("vgroove-sym", max_bounces=1),

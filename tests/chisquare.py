@@ -58,6 +58,25 @@ def in_half_space(density: Density, theta_i: float, phi_i: float) -> Density:
     return transformed
 
 
+def grain_angles(theta: np.ndarray, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the angle to azimuth 0, in [0, pi], and twice the angle around that axis, in [0, 2 pi].
+
+    Surfaces with a grain send light along cones around azimuth 0, on which the first angle is constant.
+    """
+    x, y, z = np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)
+    return np.arctan2(np.hypot(y, z), x), 2 * np.arctan2(z, -y)
+
+
+def in_grain_space(density: Density) -> Density:
+    """Turn a density of (theta, phi) into that of `grain_angles`, both per solid angle."""
+
+    def transformed(cone: np.ndarray, twice: np.ndarray) -> np.ndarray:
+        x, y, z = np.cos(cone), -np.sin(cone) * np.cos(0.5 * twice), np.sin(cone) * np.sin(0.5 * twice)
+        return 0.5 * density(np.arctan2(np.hypot(x, y), z), np.arctan2(y, x))
+
+    return transformed
+
+
 def _gauss(density: Density, boxes: np.ndarray) -> np.ndarray:
     """Integrate over boxes (M, 4) of polar angle and azimuth by 3 x 3 Gauss points each."""
     polar = 0.5 * (boxes[:, [0]] + boxes[:, [1]] + _X * (boxes[:, [1]] - boxes[:, [0]]))
@@ -143,16 +162,19 @@ def check(
     density: Density,
     top: float = 0.5 * np.pi,
     bins: tuple[int, int] = (20, 20),
+    jumps: int = 1,
 ) -> Verdict:
     """Test `points` (polar, azimuth) and the count of invalid samples against a density per solid angle.
 
     The bins come from the independent `pilot`; no polar angle exceeds `top`, which for half vectors is halfway from
-    the light to the horizon. The share left over by the density belongs to the invalid samples.
+    the light to the horizon. A density may jump at so many equal steps of the azimuth, `jumps`. The share left over by the density belongs to the invalid samples.
     """
     polar, azimuth = edges(pilot[0], bins[0], top), edges(pilot[1], bins[1], 2 * np.pi)
     counts = np.histogram2d(*points, bins=(polar, azimuth))[0].reshape(-1)
     total = counts.sum() + invalid
-    (fine_polar, row), (fine_azimuth, column) = graded(polar), graded(azimuth)
+    (fine_polar, row), (fine_azimuth, _) = graded(polar), graded(azimuth)
+    fine_azimuth = np.unique(np.concatenate([fine_azimuth, 2 * np.pi * np.arange(1, jumps) / jumps]))
+    column = np.searchsorted(azimuth, 0.5 * (fine_azimuth[1:] + fine_azimuth[:-1])) - 1
     lo, left = np.meshgrid(fine_polar[:-1], fine_azimuth[:-1], indexing="ij")
     hi, right = np.meshgrid(fine_polar[1:], fine_azimuth[1:], indexing="ij")
     boxes = np.stack([lo, hi, left, right], axis=-1).reshape(-1, 4)

@@ -14,6 +14,7 @@ import numpy as np
 import OpenEXR
 import pytest
 from click.testing import CliRunner
+from grids import grid_of
 
 import brdftab
 from brdftab import models
@@ -76,7 +77,7 @@ def test_text_says_what_was_made(run):
 @pytest.mark.parametrize("name", models.names())
 def test_model_alone_is_enough(run, name):
     # the default grid takes long for some; everything else is the documented default
-    result = run("tabulate", "--model", name, *SMALL)
+    result = run("tabulate", "--model", name, "--grid", grid_of(name, "3x3x4", "2x4x2x4"))
     assert result.exit_code == 0, result.stderr
     table = brdftab.read(f"{name}.exr")
     assert table.dtype == np.float32
@@ -243,6 +244,7 @@ REFUSED = {
     "grid of letters": (table_of("lambert", "--grid", "axbxc"), ("grid = 'axbxc'",)),
     "grid of nothing": (table_of("lambert", "--grid", "0x3x3"), ("at least 1",)),
     "huge grid": (table_of("lambert", "--grid", "100000x100000x100000"), ("2**31",)),
+    "grid without a grain": (table_of("ashikhmin-shirley"), ("direction of its own", "four axes", "15x24x15x24")),
     "isotropic grid": (table_of("smith", "--alpha-x", ".3", "--alpha-y", ".5"), ("four axes", "15x24x15x24")),
     "missing folder": (table_of("lambert", "--out", "nodir/x.exr"), ("nodir", "does not exist")),
     "unknown ending": (table_of("lambert", "--out", "x.png"), ("x.png", ".exr or .npz")),

@@ -45,7 +45,7 @@ def calls():
         found += [(masking.projected_alpha, (code, ax, 0.5, *sc(0.4)[::-1])) for ax in (0.5, 0.2)]
     found += [(masking.v_cavity, (0.9, iz, 0.4, 0.7)) for iz in (0.1, 0.99)]
     found += [(masking.smith_g2, (m, 0.3, 1.4)) for m in (0, 1, 2)]
-    for kind, a, b in ((0, 1.0, 0.0), (1, 0.4, 2.5), (2, 1.5, 0.0), (2, 1.0, 0.0), (3, 0.04, 0.0)):
+    for kind, a, b in ((0, 1.0, 0.0), (1, 0.4, 2.5), (2, 1.5, 0.0), (2, 1.0, 0.0), (3, 0.04, 0.0), (4, 0.5, 2.0)):
         found += [(fresnel.reflectance, (kind, a, b, c)) for c in (-0.1, 0.0, 0.02, 0.5, 1.0)]
     for theta_i, theta_o, phi in ANGLES:
         found.append((pair, (theta_i, theta_o, phi)))
@@ -76,7 +76,7 @@ def test_scalar_kernels_equal_their_python():
     assert len(seen) >= 20
 
 
-@pytest.mark.parametrize("kind", [0, 1, 2, 3])
+@pytest.mark.parametrize("kind", [0, 1, 2, 3, 4])
 def test_reflectance_of_a_row_equals_its_python(kind):
     a, b = np.array([1.3, 0.4, 0.2])[: 1 if kind == 0 else 3], np.array([0.0, 2.5, 3.5])[: 1 if kind == 0 else 3]
     if kind == 2:

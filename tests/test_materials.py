@@ -201,8 +201,41 @@ def test_normal_and_grazing_incidence():
     assert formulas.schlick(0.3, 1.0) == 0.3
 
 
+# root mean square over the cosine: Schlick's error, and what the dip's term leaves of it
+DIPS = {(2.91, 3.09): (0.0843, 0.0070), (1.558, 7.712): (0.0580, 0.0086), (0.1556, 3.6025): (0.0088, 0.0028)}
+
+
+@pytest.mark.parametrize("index", DIPS)
+def test_lazanyi_follows_the_dip_of_metals(index):
+    cos = (np.arange(4000) + 0.5) / 4000
+    exact, cheap = (fresnel.reflectance(term(*index), cos)[:, 0] for term in (fresnel.conductor, fresnel.lazanyi))
+    f0 = formulas.conductor(*index, 1.0)
+    errors = [np.sqrt(np.mean((f - exact) ** 2)) for f in (formulas.schlick(f0, cos), cheap)]
+    assert errors == pytest.approx(DIPS[index], rel=0.02)
+    # the formula as printed, with n and k in place of f0
+    n, k = index
+    dip = formulas.lazanyi_dip(n, k)
+    printed = ((n - 1) ** 2 + k * k + 4 * n * (1 - cos) ** 5) / ((n + 1) ** 2 + k * k) - dip * cos * (1 - cos) ** 6
+    assert np.allclose(cheap, printed, rtol=1e-13)
+
+
+def test_approximations_keep_wavelengths_and_projection():
+    gold = fresnel.metal("Au")
+    for how, kind in (("schlick", fresnel.SCHLICK), ("lazanyi", fresnel.LAZANYI)):
+        term = fresnel.approximated(gold, how)
+        assert (term.kind, term.channels, term.wavelengths) == (kind, gold.channels, gold.wavelengths)
+        assert np.allclose(fresnel.reflectance(term, 1.0), fresnel.reflectance(gold, 1.0), rtol=1e-14)
+    assert fresnel.approximated(gold, "exact") is gold
+    assert fresnel.approximated(fresnel.mirror(), "schlick").kind == fresnel.MIRROR
+    glass = fresnel.approximated(fresnel.dielectric(1.5), "schlick")
+    assert glass.a[0] == pytest.approx(0.04, rel=1e-14)
+    with pytest.raises(ParameterError, match="fresnel = cheap is not known; choose one of exact, schlick, lazanyi"):
+        fresnel.approximated(gold, "cheap")
+
+
 def test_reflectance_clips_and_shapes():
-    for term in (fresnel.mirror(), fresnel.metal("Au"), fresnel.dielectric(1.5), fresnel.schlick([0.1, 0.2, 0.3])):
+    terms = (fresnel.mirror(), fresnel.metal("Au"), fresnel.dielectric(1.5), fresnel.schlick([0.1, 0.2, 0.3]))
+    for term in (*terms, fresnel.lazanyi(2.91, 3.09)):
         values = fresnel.reflectance(term, [[0.5, 1.0 + 1e-15, -1e-17]])
         assert values.shape == (1, 3, len(term.a))
         assert ((values >= 0) & (values <= 1)).all()

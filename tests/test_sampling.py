@@ -80,7 +80,7 @@ def verdict(
 ) -> chisquare.Verdict:
     """Run one chi-square test; `perturb` scales the density and `expected` replaces its parameters."""
     ti, pi_ = math.radians(theta_i), math.radians(phi_i)
-    singular = models.spec(model).singular
+    singular, grain = models.spec(model).singular, models.spec(model).grain
 
     def density(theta_o: np.ndarray, phi_o: np.ndarray) -> np.ndarray:
         phi = phi_o - pi_
@@ -92,11 +92,16 @@ def verdict(
         assert np.all(theta_o[valid] < 0.5 * np.pi)
         assert np.all((phi_o >= 0) & (phi_o < 2 * np.pi))
         points = (theta_o[valid], phi_o[valid])
+        if grain:
+            points = chisquare.grain_angles(*points)
         sets.append(chisquare.half_angles(ti, pi_, *points) if singular else points)
-    top = 0.5 * (ti + 0.5 * math.pi) if singular else 0.5 * math.pi
+    top = 0.5 * (ti + 0.5 * math.pi) if singular else math.pi if grain else 0.5 * math.pi
+    jumps = int(resolve(model, **parameters).values.get("bins", 1))
+    if grain:
+        density = chisquare.in_grain_space(density)
     if singular:
         density = chisquare.in_half_space(density, ti, pi_)
-    return chisquare.check(sets[0], sets[1], MILLION - len(sets[1][0]), density, top)
+    return chisquare.check(sets[0], sets[1], MILLION - len(sets[1][0]), density, top, jumps=jumps)
 
 
 @pytest.mark.parametrize(("model", "parameters", "theta_i", "phi_i"), CASES)

@@ -245,6 +245,7 @@ def test_lambda_equals_the_kernels_and_has_finite_derivatives(code, walter):
         (1, [1e-6, 0.3, 1.0, 1e4], [0.0, 1e-9, 1e-3, 3.0, 1e4]),
         (2, [1.0, 1.0 + 1e-12, 1.5, 1e4], [0.0]),
         (3, [0.0, 0.04, 1.0], [0.0]),
+        (4, [0.1, 0.5], [0.0, 3.0]),
     ],
 )
 def test_reflectance_equals_the_kernels_and_has_finite_derivatives(kind, a, b):

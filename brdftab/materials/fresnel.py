@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 from brdftab.errors import ParameterError
 from brdftab.materials import formulas, indices, quadrature, spectra
 
-MIRROR, CONDUCTOR, DIELECTRIC, SCHLICK = range(4)
+MIRROR, CONDUCTOR, DIELECTRIC, SCHLICK, LAZANYI = range(5)
+APPROXIMATIONS = ("exact", "schlick", "lazanyi")
 LUMINANCE = ("Y",)
 
 
@@ -21,7 +22,8 @@ class Fresnel:
     Attributes
     ----------
     kind : int
-        0 mirror (F = 1), 1 conductor (a = eta, b = k), 2 dielectric (a = ior), 3 Schlick (a = f0).
+        0 mirror (F = 1), 1 conductor (a = eta, b = k), 2 dielectric (a = ior), 3 Schlick (a = f0),
+        4 Lazányi and Szirmay-Kalos (a = f0, b = factor of the dip's term).
     a, b : float64 (W,)
         One entry a wavelength or channel; `b` is zero where unused.
     weights : float64 (W, C)
@@ -175,6 +177,40 @@ def schlick(f0: ArrayLike, wavelengths: ArrayLike | None = None) -> Fresnel:
     return _build(SCHLICK, named, wavelengths, "f0 given by the user")
 
 
+def lazanyi(eta: ArrayLike, k: ArrayLike, wavelengths: ArrayLike | None = None) -> Fresnel:
+    """Return Lazányi and Szirmay-Kalos' approximation of a conductor, arguments as in `conductor`.
+
+    F = f0 + (1 - f0)(1 - c)^5 - b c (1 - c)^6 with f0 exact and b fitted to the metal; raises `ParameterError`.
+    """
+    return approximated(conductor(eta, k, wavelengths), "lazanyi")
+
+
+def approximated(exact: Fresnel, how: str) -> Fresnel:
+    """Return an approximation of an exact term at the same wavelengths with the same projection.
+
+    Parameters
+    ----------
+    exact : Fresnel
+        Conductor or dielectric; a mirror or an approximation is returned as it is.
+    how : {"exact", "schlick", "lazanyi"}
+        ``exact`` returns the term itself; ``lazanyi`` of a dielectric takes it for a conductor with k = 0.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such approximation.
+    """
+    if how not in APPROXIMATIONS:
+        raise ParameterError(f"fresnel = {how} is not known; choose one of {', '.join(APPROXIMATIONS)}")
+    if how == "exact" or exact.kind not in (CONDUCTOR, DIELECTRIC):
+        return exact
+    f0 = formulas.conductor(exact.a, exact.b, 1.0)
+    if how == "schlick":
+        return replace(exact, kind=SCHLICK, a=f0, b=np.zeros_like(f0), source=f"{exact.source}; Schlick")
+    dip = formulas.lazanyi_dip(exact.a, exact.b)
+    return replace(exact, kind=LAZANYI, a=f0, b=dip, source=f"{exact.source}; Lazányi and Szirmay-Kalos")
+
+
 def reflectance(fresnel: Fresnel, cos: ArrayLike) -> np.ndarray:
     """Return F at each wavelength, unprojected: the plain reference of the compiled version.
 
@@ -197,4 +233,6 @@ def reflectance(fresnel: Fresnel, cos: ArrayLike) -> np.ndarray:
         return formulas.dielectric(fresnel.a, c)
     if fresnel.kind == SCHLICK:
         return formulas.schlick(fresnel.a, c)
+    if fresnel.kind == LAZANYI:
+        return formulas.lazanyi(fresnel.a, fresnel.b, c)
     return np.ones((*c.shape[:-1], len(fresnel.a)))

@@ -16,7 +16,7 @@ from brdftab.models.microfacet.twin.static import Static
 from brdftab.models.setup import Setup
 
 # how many of a and b each kind of reflectance has
-_FRESNEL_COUNT = {-1: 0, 0: 0, 1: 2, 2: 1, 3: 1}
+_FRESNEL_COUNT = {-1: 0, 0: 0, 1: 2, 2: 1, 3: 1, 4: 2}
 
 
 def split(setup: Setup, tolerance: float = 1e-9, precision: str = "float64") -> tuple[Static, dict[str, np.ndarray]]:

@@ -1,6 +1,7 @@
 """Unpolarised Fresnel reflectance, one wavelength at a time or multiplied into a row of wavelengths.
 
-Kinds: 0 mirror (F = 1), 1 conductor (a = eta, b = k), 2 dielectric (a = ior >= 1), 3 Schlick (a = f0).
+Kinds: 0 mirror (F = 1), 1 conductor (a = eta, b = k), 2 dielectric (a = ior >= 1), 3 Schlick (a = f0), 4 Lazányi
+and Szirmay-Kalos (a = f0, b = factor of the dip's term).
 """
 
 from __future__ import annotations
@@ -56,7 +57,11 @@ def reflectance(kind, a, b, cosine):
         return _dielectric(a, c)
     q = 1.0 - c
     q2 = q * q
-    return a + (1.0 - a) * q2 * q2 * q
+    q4 = q2 * q2
+    approximate = a + (1.0 - a) * q4 * q
+    if kind == 3:
+        return approximate
+    return min(max(approximate - b * c * q4 * q2, 0.0), 1.0)
 
 
 @kernel

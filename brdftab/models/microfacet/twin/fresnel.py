@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import jax.numpy as jnp
 
-MIRROR, CONDUCTOR, DIELECTRIC, SCHLICK = range(4)
+MIRROR, CONDUCTOR, DIELECTRIC, SCHLICK, LAZANYI = range(5)
 
 
 def _conductor(n, k, c):
@@ -62,7 +62,8 @@ def reflectance(kind, a, b, cosine):
     Parameters
     ----------
     kind : int
-        Static: 0 mirror (F = 1), 1 conductor (a = eta, b = k), 2 dielectric (a = index >= 1), 3 Schlick (a = f0).
+        Static: 0 mirror (F = 1), 1 conductor (a = eta, b = k), 2 dielectric (a = index >= 1), 3 Schlick (a = f0),
+        4 Lazányi and Szirmay-Kalos (a = f0, b = factor of the dip's term).
     a, b : Array or None
         Parameters of the kind; None where unused.
     cosine : Array (N,)
@@ -77,4 +78,7 @@ def reflectance(kind, a, b, cosine):
         return _dielectric(a, c)
     q = 1.0 - c
     q2 = q * q
-    return a + (1.0 - a) * q2 * q2 * q
+    approximate = a + (1.0 - a) * q2 * q2 * q
+    if kind == LAZANYI:
+        return jnp.clip(approximate - b * c * q2 * q2 * q2, 0.0, 1.0)
+    return approximate

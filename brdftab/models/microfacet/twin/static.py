@@ -18,7 +18,7 @@ class Static:
         Code of the normal distribution, -1 without facets.
     fresnel : int
         Kind of the reflectance: 0 mirror, 1 conductor (a = eta, b = k), 2 dielectric (a = index), 3 Schlick (a = f0),
-        -1 none.
+        4 Lazányi and Szirmay-Kalos (a = f0, b = dip), -1 none.
     isotropic : bool
         True when alpha_x serves both axes; alpha_y is then not looked at.
     options : tuple of (str, object)
