@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -48,27 +47,39 @@ class AlphaMaps:
         """Texels along a side of the finest level."""
         return self.levels[0].shape[1]
 
-    def at(self, u: ArrayLike, v: ArrayLike, level: float = 0.0) -> Array:
+    def at(self, u: ArrayLike, v: ArrayLike, level: ArrayLike = 0.0) -> Array:
         """Return shares (..., K) at places of the tile, linear between texels' centres and between levels.
 
         Parameters
         ----------
         u, v : array_like (...)
             Places, in tiles; whole numbers apart they repeat.
-        level : float
+        level : array_like (...)
             0 is the finest; a footprint of 2^level texels. Beyond the last level stands the mean.
+
+        Raises
+        ------
+        ParameterError
+            If a place is not finite or a level is negative.
         """
-        if not math.isfinite(level) or level < 0.0:
-            raise ParameterError.out_of_range("level", level, f"[0, {len(self.levels) - 1}]", "0 is the finest")
-        places = [np.asarray(x, dtype=np.float64) for x in (u, v)]
-        for name, place in zip("uv", places, strict=True):
-            if not np.isfinite(place).all():
-                raise ParameterError.out_of_range(name, "a number", "the finite numbers")
-        low = min(int(level), len(self.levels) - 1)
-        high = min(low + 1, len(self.levels) - 1)
-        share = min(level - low, 1.0)
-        found = self._bilinear(low, *places)
-        return found if share == 0.0 or high == low else (1.0 - share) * found + share * self._bilinear(high, *places)
+        given = {"u": u, "v": v, "level": level}
+        x, y, z = np.broadcast_arrays(*(np.asarray(a, dtype=np.float64) for a in given.values()))
+        last = len(self.levels) - 1
+        for name, places in (("u", x), ("v", y)):
+            if not np.isfinite(places).all():
+                raise ParameterError.out_of_range(name, "NaN or infinite", "the finite numbers", "it is a place")
+        if not (z >= 0.0).all():
+            wrong = z[~(z >= 0.0)].flat[0]
+            raise ParameterError.out_of_range("level", f"{wrong:g}", f"[0, {last}]", "0 is the finest")
+        z = np.minimum(z, last)
+        found: Array = np.zeros((*x.shape, self.levels[0].shape[0]))
+        for n in range(last + 1):
+            # each level's weight is a tent around its number
+            weight = np.maximum(1.0 - np.abs(z - n), 0.0)
+            here = weight > 0.0
+            if here.any():
+                found[here] += weight[here][:, None] * self._bilinear(n, x[here], y[here])
+        return found
 
     def _bilinear(self, level: int, u: Array, v: Array) -> Array:
         """Return shares (..., K) of one level, linear between the four nearest centres."""
@@ -77,7 +88,7 @@ class AlphaMaps:
         x, y = u * size - 0.5, v * size - 0.5
         i, j = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
         fx, fy = x - i, y - j
-        total: Array = np.zeros((*np.broadcast(x, y).shape, pixels.shape[0]))
+        total: Array = np.zeros((*x.shape, pixels.shape[0]))
         for dj, wy in ((0, 1.0 - fy), (1, fy)):
             for di, wx in ((0, 1.0 - fx), (1, fx)):
                 texel = pixels[:, (j + dj) % size, (i + di) % size]

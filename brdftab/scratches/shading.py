@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from brdftab.errors import ParameterError
-from brdftab.evaluation import TOLERANCE, evaluate_setup
+from brdftab.evaluation import evaluate_setup
 from brdftab.models.setup import Setup
 from brdftab.scratches.combine import weights
 from brdftab.scratches.layers import Layered
 
 Array = NDArray[np.float64]
-# scratches are traced; nothing finer is asked of the base beside them
-BASE_TOLERANCE = 1e-6
+# what is asked of the base, and of the rays through a scratch (512 a bin)
+BASE, TRACE = 1e-6, 1e-3
 
 
 def _spread(values: Array, channels: int) -> Array:
@@ -62,18 +62,19 @@ def evaluate(
     shape = np.broadcast_shapes(rest.shape, *(np.shape(a) for a in (theta_i, theta_o, phi, phi_i)))
     total: Array = np.zeros((*shape, channels))
     if np.any(rest > 0.0):
-        total = total + rest[..., None] * _spread(_values(layered.base, theta_i, theta_o, phi, phi_i), channels)
+        total = total + rest[..., None] * _spread(values(layered.base, theta_i, theta_o, phi, phi_i, BASE), channels)
     for k, layer in enumerate(layered.layers):
         if not np.any(each[..., k] > 0.0):
             continue
         # the model's own azimuth 0 lies along its scratches
         turned = np.asarray(phi_i, dtype=np.float64) - layer.angle
-        found = _values(layer.setup(layered.psi), theta_i, theta_o, phi, turned)
+        found = values(layer.setup(layered.psi), theta_i, theta_o, phi, turned, TRACE)
         total = total + each[..., k, None] * _spread(found, channels)
     return total
 
 
-def _values(setup: Setup, theta_i: ArrayLike, theta_o: ArrayLike, phi: ArrayLike, phi_i: ArrayLike) -> Array:
+def values(
+    setup: Setup, theta_i: ArrayLike, theta_o: ArrayLike, phi: ArrayLike, phi_i: ArrayLike, tolerance: float
+) -> Array:
     """Return f (..., C) of one model."""
-    tolerance = max(TOLERANCE, BASE_TOLERANCE)
     return evaluate_setup(setup, theta_i, theta_o, phi, phi_i, 0, tolerance)[..., 0, :]
