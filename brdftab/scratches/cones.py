@@ -34,7 +34,9 @@ def _ratio(table, t, k, j, out):
 
 
 @parallel_kernel
-def add_cones(weight, axis, kinds, normal, tangent, view, light, power, psi, cumulative, ratio, rho, lights, count, seed, out):
+def add_cones(
+    weight, axis, kinds, normal, tangent, view, light, power, psi, cumulative, ratio, rho, lights, count, seed, out
+):
     """Add what the scratches reflect to out (N, 3).
 
     weight (N, K); axis (K, 2) cosine and sine of each layer's angle; kinds (K,) index into the tables; normal, tangent,
@@ -67,7 +69,7 @@ def add_cones(weight, axis, kinds, normal, tangent, view, light, power, psi, cum
             t, cosine = math.asin(sine), math.sqrt(max(1.0 - sine * sine, 0.0))
             row = bin_of(math.atan2(across, up), bins)
             sums = cumulative[kind, row]
-            draws = max(1, int(math.ceil(count * w / total)))
+            draws = max(1, math.ceil(count * w / total))
             start = mixed(n * 64 + k, seed)
             for m in range(draws):
                 x = (m + start) / draws
@@ -125,7 +127,7 @@ def add_base(weight, normal, view, samples, weights, lights, count, seed, out):
         tx, ty, tz = tx / long, ty / long, tz / long
         sx, sy, sz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
         place = math.acos(up) / (0.5 * math.pi) * rows - 0.5 + mixed(n, seed + 1) - 0.5
-        row = min(max(int(round(place)), 0), rows - 1)
+        row = min(max(round(place), 0), rows - 1)
         # the row stands for an angle of its own: turn its directions by the rest, about the axis across
         turn = math.acos(up) - (row + 0.5) * 0.5 * math.pi / rows
         ct, st = math.cos(turn), math.sin(turn)

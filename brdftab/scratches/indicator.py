@@ -27,7 +27,7 @@ def _count(table, low, cells, frame, shift, offsets, square, samples, out):
                     u = (column * samples + b + 0.5) * step
                     x = cells[0, 0] * u + cells[0, 1] * v + shift[0]
                     y = cells[1, 0] * u + cells[1, 1] * v + shift[1]
-                    i, j = int(math.floor(x)), int(math.floor(y))
+                    i, j = math.floor(x), math.floor(y)
                     for o in range(offsets.shape[0]):
                         k, q = i + offsets[o, 0], j + offsets[o, 1]
                         dx = k + table[k - low[0], q - low[1], 0] - x

@@ -141,11 +141,15 @@ class _Entry:
     def __init__(self, source: str, where: str, table: Any, known: tuple[str, ...] | None) -> None:
         self.head = f"{show(source)}: {where}" if where else show(source)
         if not isinstance(table, dict):
-            raise FileFormatError(f"{self.head} is not a table of keys; write it as [{where.split()[0]}] and keys below")
+            raise FileFormatError(
+                f"{self.head} is not a table of keys; write it as [{where.split()[0]}] and keys below"
+            )
         self.table = dict(table)
         for key in self.table:
             if known is not None and key not in known:
-                raise ParameterError(f"{self.head}: {key} = {self.table[key]!r} is no key; known are {', '.join(known)}")
+                raise ParameterError(
+                    f"{self.head}: {key} = {self.table[key]!r} is no key; known are {', '.join(known)}"
+                )
 
     def number(
         self, key: str, default: float | None, low: float, high: float, remedy: str, *, open_low: bool = False
@@ -316,4 +320,3 @@ def read(path: str | os.PathLike[str]) -> Layered:
         reason = getattr(error, "strerror", None) or str(error)
         raise ParameterError(f"{show(name)}: cannot be opened ({reason}); check the path") from error
     return parse(table, name, Path(name).parent)
-

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +16,12 @@ import numpy as np
 import OpenEXR
 
 from brdftab._version import __version__
-from brdftab.errors import BrdftabError, FileFormatError
+from brdftab.errors import BrdftabError, FileFormatError, ParameterError
 from brdftab.io.atomic import atomic, check_target, show
 from brdftab.io.exr import ATTRIBUTE
 from brdftab.io.quiet import quiet
-from brdftab.scratches.layers import MOST_LAYERS
-from brdftab.scratches.maps import LARGEST, AlphaMaps
+from brdftab.scratches.layers import MOST_LAYERS, Layered
+from brdftab.scratches.maps import LARGEST, AlphaMaps, halved
 
 KIND = "scratch maps"
 
@@ -126,7 +127,11 @@ def _load(name: str, bytes_there: int) -> AlphaMaps:
     if not isinstance(facts, dict) or facts.pop("kind", None) != KIND:
         raise FileFormatError("the EXR holds no scratch maps")
     size, count = facts.get("size"), len(facts.get("layers", []))
-    if size not in [2**n for n in range(LARGEST.bit_length())] or not 1 <= count <= MOST_LAYERS:
+    if (
+        not isinstance(size, int)
+        or size not in [2**n for n in range(LARGEST.bit_length())]
+        or not 1 <= count <= MOST_LAYERS
+    ):
         raise FileFormatError("the EXR's sizes are damaged")
     if len(headers) != size.bit_length() or 4 * count * size * size > bytes_there:
         raise FileFormatError("the EXR is truncated")
@@ -139,5 +144,27 @@ def _load(name: str, bytes_there: int) -> AlphaMaps:
             if not ((level >= 0.0) & (level <= 1.0)).all():
                 raise FileFormatError(f"the EXR's level {n} holds numbers outside [0, 1]")
             levels.append(level)
+    slack = 2.0 * float(facts.get("cull", 0.0)) + 1e-6
+    for finer, level in pairwise(levels):
+        # culling drops less than its threshold from each; anything more is damage that the library let pass
+        if np.abs(halved(finer) - level).max() > slack:
+            raise FileFormatError("the EXR's levels contradict each other")
     facts.pop("version", None)
     return AlphaMaps(levels, facts)
+
+
+def check_maps_of(maps: AlphaMaps, layered: Layered, path: str) -> None:
+    """Refuse maps of other layers.
+
+    Raises
+    ------
+    ParameterError
+        If a layer's place, angle, width, length or area is not the one that was drawn.
+    """
+    drawn = maps.facts["layers"]
+    wanted = [layer.to_json() for layer in layered.layers]
+    keys = ("name", "area", "width", "length", "angle_degrees")
+    if len(drawn) != len(wanted) or any(a.get(k) != b[k] for a, b in zip(drawn, wanted, strict=True) for k in keys):
+        raise ParameterError(
+            f"maps = {show(path)} were drawn for other layers than {show(layered.source)}; draw them again"
+        )

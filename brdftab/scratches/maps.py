@@ -111,7 +111,9 @@ def method_of(layer: Layer, size: int) -> str:
     return "sample" if layer.density * layer.width * size >= WIDE else "splat"
 
 
-def layer_map(layer: Layer, size: int, *, method: str = "auto", samples: int | None = None) -> tuple[Map, dict[str, Any]]:
+def layer_map(
+    layer: Layer, size: int, *, method: str = "auto", samples: int | None = None
+) -> tuple[Map, dict[str, Any]]:
     """Draw one layer.
 
     Parameters
@@ -160,13 +162,17 @@ def layer_map(layer: Layer, size: int, *, method: str = "auto", samples: int | N
     return drawn, {"method": chosen, "threshold": threshold, "scratches": features.count, "mean": mean}
 
 
+def halved(level: Map) -> Map:
+    """Return the means of 2 x 2 texels of (K, S, S)."""
+    half = level[:, 0::2, :] + level[:, 1::2, :]
+    return (half[:, :, 0::2] + half[:, :, 1::2]) * np.float32(0.25)
+
+
 def chain(finest: Map) -> list[Map]:
-    """Return the mip chain of (K, S, S): means of 2 x 2 texels down to one."""
+    """Return the mip chain of (K, S, S), down to one texel."""
     levels = [finest]
     while levels[-1].shape[1] > 1:
-        a = levels[-1]
-        half = a[:, 0::2, :] + a[:, 1::2, :]
-        levels.append((half[:, :, 0::2] + half[:, :, 1::2]) * np.float32(0.25))
+        levels.append(halved(levels[-1]))
     return levels
 
 

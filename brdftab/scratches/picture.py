@@ -9,19 +9,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.errors import ParameterError
+from brdftab.models.scratch.profiles import parse as parse_profile
 from brdftab.models.scratch.trace import trace
 from brdftab.models.setup import Setup
 from brdftab.sampling import sample
 from brdftab.scratches.combine import weights
 from brdftab.scratches.cones import add_base, add_cones
-from brdftab.scratches.environment import LIGHTS, add_radiance
+from brdftab.scratches.environment import LIGHTS
 from brdftab.scratches.layers import Layered, parse
 from brdftab.scratches.maps import AlphaMaps, alpha_maps
 from brdftab.scratches.shading import BASE, values
@@ -31,7 +31,7 @@ BINS, RAYS = 128, 512
 # slices along the scratch of the reflectance; rows and samples of the base
 SLICES, ROWS, SAMPLES = 17, 45, 256
 # of the point light: direction from the spheres, distance in radii, radiant power
-LIGHT, FAR, POWER = (-0.28, 0.55, 0.79), 5.0, 60.0
+LIGHT, FAR, POWER = (-0.28, 0.55, 0.79), 5.0, 70.0
 RADIUS = 0.9
 SMALLEST, LARGEST = 16, 2048
 PROJECTIONS = ("lathe", "front")
@@ -39,19 +39,19 @@ PROJECTIONS = ("lathe", "front")
 _STEEL = {"model": "smith", "alpha": 0.06, "material": "Fe"}
 BRUSHED = {
     "seed": 3,
-    "psi": 1.5,
+    "psi": 3.0,
     "base": _STEEL,
     "layer": [
-        {"profile": "quartic:0.4", "material": "Fe", "area": 0.3, "width": 0.004, "length": 0.5, "spread": 4.0,
+        {"profile": "quartic:0.4", "material": "Fe", "area": 0.2, "width": 0.004, "length": 0.7, "spread": 5.0,
          "count": 4},
     ],
 }  # fmt: skip
 SCRATCHED = {
     "seed": 7,
-    "psi": 1.0,
+    "psi": 5.0,
     "base": _STEEL,
     "layer": [
-        {"profile": "quartic:0.4", "material": "Fe", "density": 0.06, "width": 0.006, "length": 1.0, "spread": 180.0,
+        {"profile": "quartic:0.4", "material": "Fe", "density": 0.08, "width": 0.005, "length": 1.0, "spread": 180.0,
          "count": 24},
     ],
 }  # fmt: skip
@@ -64,6 +64,13 @@ class Sphere:
     layered: Layered
     projection: str = "front"
     tiles: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be drawn; raises `ParameterError`."""
+        if self.projection not in PROJECTIONS:
+            raise ParameterError(f"projection = {self.projection} is not known; choose one of {', '.join(PROJECTIONS)}")
+        if not 0.0 < self.tiles <= 1000.0:
+            raise ParameterError.out_of_range("tiles", self.tiles, "(0, 1000]", "tiles a radius")
 
 
 def default_spheres() -> list[Sphere]:
@@ -136,7 +143,7 @@ def _tables(layered: Layered, seed: int) -> _Tables:
     cumulative, ratio, rho = [], [], []
     for setup in setups:
         assert setup.fresnel is not None
-        found = trace(_profile(setup), BINS, RAYS)
+        found = trace(parse_profile(setup.values["profile"]), BINS, RAYS)
         mirror = found.layers.sum(axis=0) / (found.aperture[:, None] * found.aperture)
         slices = [found.shaded(t, setup.fresnel) for t in np.linspace(0.0, 0.5 * math.pi, SLICES)]
         safe = np.where(mirror > 0.0, mirror, 1.0)[..., None]
@@ -153,12 +160,6 @@ def _tables(layered: Layered, seed: int) -> _Tables:
         directions[row] = np.stack([s * np.cos(drawn.phi_o), s * np.sin(drawn.phi_o), np.cos(drawn.theta_o)], -1)
         each[row] = _rgb(np.where(drawn.valid[:, None], drawn.weight, 0.0))
     return _Tables(kinds, np.stack(cumulative), np.stack(ratio), np.stack(rho), directions, each)
-
-
-def _profile(setup: Setup) -> Any:
-    from brdftab.models.scratch.profiles import parse as parse_profile
-
-    return parse_profile(setup.values["profile"])
 
 
 def _shade(

@@ -56,7 +56,9 @@ def evaluate(
     share = np.asarray(alpha, dtype=np.float64)
     count = len(layered.layers)
     if share.ndim == 0 or share.shape[-1] != count:
-        raise ParameterError(f"alpha of shape {share.shape} does not end in the number of layers, {count}; give one each")
+        raise ParameterError(
+            f"alpha of shape {share.shape} does not end in the number of layers, {count}; give one each"
+        )
     each, rest = weights(share, combination or layered.combination)
     channels = len(layered.channels)
     shape = np.broadcast_shapes(rest.shape, *(np.shape(a) for a in (theta_i, theta_o, phi, phi_i)))

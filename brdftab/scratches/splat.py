@@ -46,7 +46,7 @@ def _below(t, long, short):
 def _deposit(out, column, y, one, other, area, mask):
     """Spread a parallelogram's area over the rows of a column of texels; it leans by `one` and is `other` thick."""
     reach = 0.5 * (one + other)
-    row, last = int(math.floor(y - reach)), int(math.floor(y + reach))
+    row, last = math.floor(y - reach), math.floor(y + reach)
     c = int(column) & mask
     before = 0.0
     long, short = max(one, other), min(one, other)
