@@ -87,18 +87,29 @@ def section(name: str, command: click.Command, shared: list[tuple[str, str, str]
     return [*lines, ""]
 
 
+def all_commands(parent: click.Group, prefix: str = "") -> dict[str, click.Command]:
+    """Return every command by its words; a group's own commands take its place."""
+    context = click.Context(parent)
+    found: dict[str, click.Command] = {}
+    for name in parent.list_commands(context):
+        command = parent.get_command(context, name)
+        assert command is not None
+        if isinstance(command, click.Group):
+            found |= all_commands(command, f"{prefix}{name} ")
+        else:
+            found[f"{prefix}{name}"] = command
+    return found
+
+
 def cli_page() -> str:
     """Return docs/cli.md."""
-    context = click.Context(group)
-    commands = {name: group.get_command(context, name) for name in group.list_commands(context)}
+    commands = all_commands(group)
     lines = CLI_HEAD.splitlines()
     tabulate = commands["tabulate"]
-    assert tabulate is not None
     shared = [row for row in option_rows(tabulate) if row[0].strip("`-").replace("-", "_") in declared()]
     lines += [f"| {option} | {cell(value)} | {cell(text)} |" for option, value, text in shared]
     lines.append("")
     for name, command in commands.items():
-        assert command is not None
         lines += section(name, command, shared)
     return "\n".join(lines).rstrip() + "\n"
 

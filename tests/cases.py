@@ -66,6 +66,31 @@ def _phong(nu: float, nv: float, angles: tuple[float, float, float], phi_i: floa
     return lobe * fresnel / (k_h * max(k1[2], k2[2])), matte
 
 
+def _mirrors() -> list[Case]:
+    """Return a flat scratch: all light of a bin of the angle across leaves by the mirrored bin, blurred along."""
+    bins, psi = 32, math.radians(2.0)
+    found = []
+    for t, j in ((20.0, 25), (-50.0, 9), (0.0, 16)):
+        # the middle of a bin, so that the cosine of incidence is exact
+        p, along = PI * ((j + 0.5) / bins - 0.5), math.radians(t)
+        share = math.sin(PI * ((j + 1) / bins - 0.5)) - math.sin(PI * (j / bins - 0.5))
+        theta = math.acos(math.cos(along) * math.cos(p))
+        light = math.atan2(math.cos(along) * math.sin(p), math.sin(along))
+        blur = 15.0 / (16.0 * psi)
+        fresnel = 0.5 + 0.5 * (1.0 - math.cos(along) * math.cos(p)) ** 5
+        value = fresnel * blur / (share * math.cos(along) ** 2)
+        angles = (math.degrees(theta), math.degrees(theta), 180.0)
+        given = {"profile": "flat", "bins": bins, "psi": psi, "f0": 0.5}
+        found.append(
+            Case(
+                f"scratch flat {t:g} {j}", "scratch", given, angles, (value,), "a mirror in bins",
+                # reflectance by a table of 2048 cells: 1.1e-7
+                math.degrees(light), rtol=3e-7, tags=frozenset({"closed", "anisotropic"}),
+            )
+        )  # fmt: skip
+    return found
+
+
 def _highlights() -> list[Case]:
     """Return the anisotropic Phong model in and off the plane of incidence, with and without a base."""
     found = []
@@ -213,6 +238,7 @@ CASES: tuple[Case, ...] = (
         tags=frozenset({"horizon"}),
     ),
     *_highlights(),
+    *_mirrors(),
     *_facets("cook-torrance"),
     *_facets("smith"),
     *_facets("vgroove-sym", max_bounces=1),

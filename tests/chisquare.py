@@ -167,8 +167,8 @@ def check(
     """Test `points` (polar, azimuth) and the count of invalid samples against a density per solid angle.
 
     The bins come from the independent `pilot`; no polar angle exceeds `top`, which for half vectors is halfway from
-    the light to the horizon. A density may jump at so many equal steps of the azimuth, `jumps`. The share left over by
-    the density belongs to the invalid samples.
+    the light to the horizon. A density may jump at so many equal steps of the azimuth, `jumps`. The
+    share left over by the density belongs to the invalid samples.
     """
     polar, azimuth = edges(pilot[0], bins[0], top), edges(pilot[1], bins[1], 2 * np.pi)
     counts = np.histogram2d(*points, bins=(polar, azimuth))[0].reshape(-1)

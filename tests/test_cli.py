@@ -439,27 +439,38 @@ def test_interruption_leaves_no_file_and_no_traceback(tmp_path):
 # ---------------------------------------------------------------- help
 
 
+def commands(group=main, words=()):
+    """Return every command with the words that name it; groups stand beside their own commands."""
+    context = click.Context(group)
+    found = {}
+    for name in group.list_commands(context):
+        command = group.get_command(context, name)
+        found[(*words, name)] = command
+        if isinstance(command, click.Group):
+            found |= commands(command, (*words, name))
+    return found
+
+
 def test_every_command_has_help_with_an_example(run):
-    context = click.Context(main)
-    names = main.list_commands(context)
-    assert {"tabulate", "eval", "models", "info", "compare", "verify"} <= set(names)
-    for name in names:
-        text = run(name, "--help").stdout
-        assert re.search(r"Examples?:\n +brdftab " + name, text), name
-        command = main.get_command(context, name)
+    found = commands()
+    assert {("tabulate",), ("eval",), ("models",), ("info",), ("compare",), ("verify",), ("scratch", "maps")} <= set(
+        found
+    )
+    for words, command in found.items():
+        text = run(*words, "--help").stdout
+        assert re.search(r"Examples?:\n +brdftab " + " ".join(words), text), words
         assert command.help
         for param in command.params:
             if isinstance(param, click.Option):
-                assert param.help, f"{name} {param.name}"
-        assert any(param.name == "as_json" for param in command.params), name
+                assert param.help, f"{words} {param.name}"
+        assert isinstance(command, click.Group) or any(param.name == "as_json" for param in command.params), words
 
 
 def test_examples_of_the_help_parse(run):
-    context = click.Context(main)
-    for name in main.list_commands(context):
-        command = main.get_command(context, name)
+    for words, command in commands().items():
         examples = [x.strip() for x in command.epilog.splitlines() if x.strip().startswith("brdftab ")]
         assert examples
         for example in examples:
-            words = example.split()[2:]
-            command.make_context(name, list(words))
+            given = example.split()[1 + len(words) :]
+            if not isinstance(command, click.Group):
+                command.make_context(words[-1], given)

@@ -100,8 +100,7 @@ def test_v_shapes_equal_unfolded_grooves(half_angle):
         share = found.flux[:, :, j].sum(axis=1) / found.aperture[j]
         expected[4] = expected[4:].sum()
         worst = max(worst, float(np.abs(share - expected[:5]).max()))
-    # measured VMEAS
-    print(half_angle, worst)
+    # measured 3e-5 (20 degrees), 9e-5 (30, in the bin at the horizon), rounding (45), 2e-5 (70)
     assert worst < 1e-4, worst
 
 

@@ -19,6 +19,7 @@ _COMMANDS = {
     "fit": "brdftab.cli.fitting:fit",
     "info": "brdftab.cli.files:info",
     "models": "brdftab.cli.registry:models",
+    "scratch": "brdftab.cli.scratch:scratch",
     "tabulate": "brdftab.cli.values:tabulate",
     "verify": "brdftab.cli.files:verify",
 }

@@ -64,7 +64,7 @@ def read(path: str | Path, kind: str) -> tuple[Images, dict[str, Any]]:
         head = json.loads(text)
     except OSError as error:
         raise BrdftabError(f"{show(path)}: cannot be opened ({error.strerror or error}); check the path") from error
-    except (KeyError, ValueError, TypeError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
+    except (LookupError, ValueError, TypeError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
         raise FileFormatError(f"{show(path)}: is not a {kind} of brdftab, or damaged; write it again") from error
     if not isinstance(head, dict) or head.get("format") != kind:
         raise FileFormatError(f"{show(path)}: is a file of another kind, not a {kind}; write one with brdftab tabulate")

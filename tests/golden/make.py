@@ -29,6 +29,9 @@ TABLES = {
     "ashikhmin-shirley.npz": "--model ashikhmin-shirley --grid 4x6x4x6",
     "ashikhmin-shirley-components.exr": "--model ashikhmin-shirley --grid 3x8x3x8 --nu 10 --nv 40 --f0 0.04 "
     "--kd 0.6,0.3,0.1 --components",
+    "scratch.npz": "--model scratch --form blurred --bins 32 --rays 512 --psi 20 --grid 4x6x4x6",
+    "scratch-components.exr": "--model scratch --form blurred --profile v:30 --bins 32 --rays 512 --psi 15 --eta 2.91 "
+    "--k 3.09 --grid 3x8x3x8 --components",
     "lambert.npz": "--model lambert --grid 8x8x12 --kd 0.2,0.5,0.9 --dtype float64",
     "lambert-points.exr": "--model lambert --theta-i 0,30,60,90 --phi 0:180:5 --cell point",
     "oren-nayar.exr": "--model oren-nayar --grid 8x8x12 --sigma 30 --components",

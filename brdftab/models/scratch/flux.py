@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.jit import parallel_kernel
+from brdftab.models.scratch.shoot import GRAZING
 from brdftab.models.scratch.tracer import GROUPS
 
 Array = NDArray[np.float64]
@@ -35,10 +36,11 @@ def aperture(bins: int) -> Array:
 
 
 @parallel_kernel
-def _gather(counts, share, symmetric, flux, facts):
+def _gather(counts, share, trust, symmetric, flux, facts):
     """Fill flux (L, M, M) and facts (L, FACTS, M, M) from counts (M, L, M, KEPT), each path with its reverse.
 
-    Of a symmetric profile the second half of the columns is counted; a path and its mirror image weigh the same.
+    Columns count by the number of their angles, `trust` (M,). Of a symmetric profile the second half of the columns is
+    counted; a path and its mirror image weigh the same.
     """
     bins, layers, _, kept = counts.shape
     for n in numba.prange(bins):
@@ -53,7 +55,7 @@ def _gather(counts, share, symmetric, flux, facts):
                         b = counts[k, layer, j, m] if 2 * k >= bins else counts[bins - 1 - k, layer, bins - 1 - j, m]
                     else:
                         a, b = counts[j, layer, k, m], counts[k, layer, j, m]
-                    sums[m] = 0.5 * (a * share[j] + b * share[k])
+                    sums[m] = (a * share[j] * trust[j] + b * share[k] * trust[k]) / (trust[j] + trust[k])
                 mass = sums[0]
                 flux[layer, k, j] = flux[layer, j, k] = mass
                 if mass <= 0.0:
@@ -132,7 +134,9 @@ def assemble(counts: Array, lost: Array, symmetric: bool) -> tuple[Array, NDArra
     c = aperture(bins)
     flux = np.zeros((layers, bins, bins))
     facts = np.zeros((layers, FACTS, bins, bins), dtype=np.float32)
-    _gather(counts, c, symmetric, flux, facts)
+    trust = np.ones(bins)
+    trust[0] = trust[-1] = GRAZING
+    _gather(counts, c, trust, symmetric, flux, facts)
     g, deviation = balanced(flux.sum(axis=0), c * (1.0 - lost))
     flux *= g[:, None] * g
     return flux, facts, deviation, g

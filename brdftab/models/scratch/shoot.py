@@ -26,7 +26,7 @@ HALVINGS, SMOOTH, FEW = 7, 3, 1
 # edges of intervals a column that get all these halvings
 EDGES = 16
 # times as many angles in the two bins at the horizon
-GRAZING = 4
+GRAZING = 8
 END = 1e-9
 
 

@@ -135,9 +135,9 @@ def trace(profile: Profile, bins: int = BINS, rays: int = RAYS[0][1], cap: int =
 
 
 @lru_cache(maxsize=8)
-def traced(text: str, bins: int, rays: int) -> Traced:
+def traced(text: str, bins: int, rays: int, cap: int) -> Traced:
     """Return the traced scratch of a profile's name, kept for the next call."""
-    return trace(parse(text), bins, rays)
+    return trace(parse(text), bins, rays, cap)
 
 
 def distance(one: Traced, other: Traced) -> float:
