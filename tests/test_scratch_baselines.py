@@ -1,12 +1,15 @@
 """Single-bounce models of a scratch beside the traced one, and the Fresnel slices of the comparison."""
 
+import importlib.util
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import brdftab
 from brdftab.errors import ParameterError
+from brdftab.materials import fresnel
 from brdftab.models.scratch.flux import aperture
 from brdftab.models.scratch.ndf import MASKINGS, single_bounce_rho, smith_visible, walls
 from brdftab.models.scratch.profiles import parse
@@ -53,3 +56,38 @@ def test_vee_is_two_walls():
 def test_unknown_masking_is_refused():
     with pytest.raises(ParameterError, match="masking = walter is not known; choose one of none, v-cavity, smith"):
         single_bounce_rho(parse("v:45"), 16, "walter")
+
+
+@pytest.fixture(scope="module")
+def benchmark():
+    """Return the benchmark that makes the tables of docs/scratch-baselines.md."""
+    path = Path(__file__).parents[1] / "benchmarks" / "scratch_baselines.py"
+    spec = importlib.util.spec_from_file_location("scratch_baselines", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_reference_of_the_benchmark(benchmark):
+    """Albedos of a right-angled V by unfolding: .42576 at t = 0 and .41404 at 60 degrees, iron."""
+    iron = fresnel.conductor(*benchmark.IRON)
+    flux = benchmark.simulated("v:45", 64, 8192, [(iron, 0.0), (iron, 60.0), (iron, 90.0)], 0.0)
+    # measured 2e-6, 2e-6 and 1e-15
+    assert flux.sum(axis=(1, 2)) / 2.0 == pytest.approx([0.42576, 0.41404, 1.0], abs=1e-5)
+
+
+def test_route_by_gamma_meets_its_slices(benchmark):
+    rng = np.random.default_rng(2)
+    mirror, share, ratio = rng.uniform(0.1, 1.0, (3, 8, 8))
+    normal = share * mirror
+    middle = normal + ratio * (mirror - normal)
+    slices = [normal, middle, mirror]
+    for t, expected in zip(benchmark.SLICES, slices, strict=True):
+        found, broken = benchmark.routed(slices, t)
+        assert broken == 0.0
+        assert np.allclose(found, expected, rtol=1e-12)
+    # a dip below normal incidence has no exponent
+    middle[0, :3] = 0.9 * normal[0, :3]
+    found, broken = benchmark.routed(slices, 80.0)
+    assert broken == 3.0 / 64.0
+    assert np.array_equal(found[0, :3], normal[0, :3])

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-# exponent of the dip's term; fitted one by one for each metal it is 3.8 to 7, which changes little (docs/materials.md)
+# exponent of the dip's term for all metals; what fitting it, too, would gain: docs/materials.md
 DIP_POWER = 6.0
 # Gauss nodes in the cosine of the fit
 FIT_NODES = 64
