@@ -41,40 +41,37 @@ Table = dict[tuple[str, float], np.ndarray]
 
 
 @numba.njit(parallel=True)
-def _rays(shape, tops, angles, positions, cap, shift, kinds, a, b, along, out):
+def _rays(shape, tops, rays, cap, shift, kinds, a, b, along, out):
     """Add to out (M, S, M) by incident bin, slice and exit bin: the product of reflectances of every ray."""
     bins = out.shape[0]
     for j in numba.prange(bins):
         cosines, ray = np.empty(cap), np.empty(3 + GROUPS)
         low, high = math.sin(math.pi * (j / bins - 0.5)), math.sin(math.pi * ((j + 1.0) / bins - 0.5))
-        for m in range(angles):
-            sine = low + (high - low) * (m + 0.5) / angles
+        for n in range(rays):
+            # angle and place are even together: a V splits a bin of angles between two, whatever the place
+            sine = low + (high - low) * ((0.7548776662466927 * n + shift) % 1.0)
             cosine = math.sqrt((1.0 - sine) * (1.0 + sine))
-            offset = ((m + 1.0) * 0.6180339887498949 + shift) % 1.0
-            for n in range(positions):
-                path(shape, tops, -1.0 + 2.0 * (n + offset) / positions, sine, cosine, cosines, ray)
-                if ray[2] == 0.0:
-                    continue
-                k = min(max(int((ray[1] / math.pi + 0.5) * bins), 0), bins - 1)
-                for s in range(kinds.size):
-                    product = 1.0
-                    for q in range(int(ray[2])):
-                        product *= reflectance(kinds[s], a[s], b[s], along[s] * cosines[q])
-                    out[j, s, k] += product
+            path(shape, tops, -1.0 + 2.0 * ((0.5698402909980532 * n + shift) % 1.0), sine, cosine, cosines, ray)
+            if ray[2] == 0.0:
+                continue
+            k = min(max(int((ray[1] / math.pi + 0.5) * bins), 0), bins - 1)
+            for s in range(kinds.size):
+                product = 1.0
+                for q in range(int(ray[2])):
+                    product *= reflectance(kinds[s], a[s], b[s], along[s] * cosines[q])
+                out[j, s, k] += product
 
 
 def simulated(profile: str, bins: int, rays: int, slices: list[tuple[Fresnel, float]], shift: float) -> np.ndarray:
     """Return the flux (S, M, M) by slice, exit and incident bin; a slice is a reflectance and an angle in degrees."""
     cut = parse(profile)
     shape = cut.knots, cut.height, cut.slope, cut.bend
-    angles = max(1, round(math.sqrt(rays / 32.0)))
-    positions = round(rays / angles)
     kinds = np.array([f.kind for f, _ in slices])
     a, b = (np.array([getattr(f, name)[0] for f, _ in slices]) for name in "ab")
     along = np.cos(np.radians([t for _, t in slices]))
     out = np.zeros((bins, len(slices), bins))
-    _rays(shape, block_tops(*shape), angles, positions, 256, shift, kinds, a, b, along, out)
-    return out.transpose(1, 2, 0) * (aperture(bins) / (angles * positions))
+    _rays(shape, block_tops(*shape), rays, 256, shift, kinds, a, b, along, out)
+    return out.transpose(1, 2, 0) * (aperture(bins) / rays)
 
 
 def routed(slices: list[np.ndarray], t: float) -> tuple[np.ndarray, float]:
