@@ -100,7 +100,8 @@ def main():
         print(result["profile"])
         for r in result["rows"]:
             print(
-                f"  {r['method']:11s}{r['rays']:>7d} rays  L1 {r['l1']:.4f}  wall {r['wall_s']:.3f} s  cpu {r['cpu_s']:.3f} s"
+                f"  {r['method']:11s}{r['rays']:>7d} rays  L1 {r['l1']:.4f}  wall {r['wall_s']:.3f}  "
+                f"cpu {r['cpu_s']:.3f} s"
             )
 
 

@@ -22,7 +22,7 @@ from brdftab.scratches.areas import FARTHEST
 Array = NDArray[np.float64]
 MOST = 40_000_000
 # features and directions that the covered area is measured with
-PROBED, ANGLES = 8192, 24
+PROBED, ANGLES = 16384, 24
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,7 +203,7 @@ def threshold(lattice: Lattice, expected: float, area: float) -> float:
     Notes
     -----
     Covered is the part of each disc in its feature's Voronoi cell, integrated in polar coordinates:
-    area = N length width pi <min(d, r)^2> with r the distance to the cell's end. Of many features 8192 stand for all.
+    area = N length width pi <min(d, r)^2> with r the distance to the cell's end. Of many features 16384 stand for all.
     """
     if area <= 0.0:
         return 0.0
@@ -212,14 +212,17 @@ def threshold(lattice: Lattice, expected: float, area: float) -> float:
     chosen = np.arange(count) if count <= PROBED else np.linspace(0, count - 1, PROBED).astype(np.int64)
     r = np.empty((chosen.size, ANGLES))
     _reaches(lattice.jitter, lattice.step, lattice.frame, lattice.offsets(2.0 * top), chosen, ANGLES, top, r)
-    scale = math.pi / abs(float(np.linalg.det(lattice.frame)))
-    r = np.sort(r.ravel())
-    low, high = 0.0, top
     if area >= 1.0:
-        return float(r[-1]) * 1.01
+        return float(r.max()) * 1.01
+    # <min(d, r)^2> by the sums of what is nearer than d
+    nearer = np.sort(r[r < top])
+    sums = np.concatenate([[0.0], np.cumsum(nearer * nearer)])
+    asked = area * abs(float(np.linalg.det(lattice.frame))) / math.pi * r.size
+    low, high = 0.0, top
     for _ in range(40):
         d = 0.5 * (low + high)
-        if scale * float(np.mean(np.minimum(r, d) ** 2)) < area:
+        n = int(np.searchsorted(nearer, d))
+        if sums[n] + (r.size - n) * d * d < asked:
             low = d
         else:
             high = d

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from brdftab.errors import ParameterError
 from brdftab.materials.fresnel import Fresnel
 from brdftab.models.scratch import BINS as BOUNDS
-from brdftab.models.scratch import blur
+from brdftab.models.scratch import blur, light
 from brdftab.models.scratch.profiles import Profile, measured, parse
 from brdftab.models.scratch.sample import density, draw
 from brdftab.models.scratch.shoot import ORDERS
@@ -169,6 +169,45 @@ class Scratch:
         ti, to, dphi, pi = (np.ascontiguousarray(a).reshape(-1) for a in angles)
         values = blur.points(self.traced, setup.fresnel, setup.values["psi"], ti, to, dphi, pi, 1)
         return values[:, 0].reshape(*shape, -1)
+
+    def lit(
+        self,
+        theta_l: ArrayLike,
+        theta_o: ArrayLike,
+        phi: ArrayLike,
+        *,
+        phi_l: ArrayLike = 0.0,
+        psi: float = PSI,
+        **material: Any,
+    ) -> Array:
+        """Return what views see of a distant light that is widened to the half angle psi.
+
+        Parameters
+        ----------
+        theta_l, phi_l, theta_o, phi : array_like
+            Directions of light and view, phi = phi_o - phi_l, radians.
+        psi : float
+            Half angle of the kernel (1 - (angle/psi)^2)^2 around the light, radians.
+        **material
+            As in `albedo`.
+
+        Returns
+        -------
+        ndarray (..., C)
+            Radiance over the irradiance on a surface that faces the light, 1/sr; the cosine of theta_l is in it.
+
+        Raises
+        ------
+        ParameterError
+            If the material or psi is not valid.
+        """
+        setup = resolve("scratch", psi=psi, **material)
+        assert setup.fresnel is not None
+        given = (np.asarray(a, dtype=np.float64) for a in (theta_l, theta_o, phi, phi_l))
+        angles = np.broadcast_arrays(*given)
+        shape = angles[0].shape
+        tl, to, dphi, pl = (np.ascontiguousarray(a).reshape(-1) for a in angles)
+        return light.lit(self.traced, setup.fresnel, setup.values["psi"], tl, to, dphi, pl).reshape(*shape, -1)
 
     def sample(
         self, theta_i: float, n: int, *, phi_i: float = 0.0, psi: float = PSI, seed: int = 0, **material: Any
