@@ -136,9 +136,9 @@ def test_picture_of_both_spheres():
         # highlights and dark parts
         assert half.max() > 240.0
         assert half.min() < 60.0
-    # the brushed sphere smears reflections across its scratches: rows differ far less than columns do
-    inner = np.s_[14:36, 16:48]
-    assert np.abs(np.diff(left[inner], axis=0)).mean() < 0.5 * np.abs(np.diff(left[inner], axis=1)).mean()
+    # the brushed sphere smears reflections across its scratches: its columns differ, its rows hardly do
+    inner = left[14:34, 12:52]
+    assert inner.mean(axis=1).std() < 0.5 * inner.mean(axis=0).std()
 
 
 def test_glints_stand_around_the_highlight():
