@@ -36,7 +36,8 @@ def _square(x, y, table, low, frame, offsets, reach, top):
 def _count(table, low, cells, frame, shift, offsets, reach, d, radius, samples, out):
     """Fill out (S, S) with the share of samples x samples points of each texel within the threshold of a feature.
 
-    A texel whose centre is further from the threshold than its corners are from it, `radius`, is all in or all out.
+    A texel whose centre is further from the threshold than its corners are from it, `radius`, is all in or all out;
+    radius 0 asks all points.
     """
     size = out.shape[0]
     step = 1.0 / (size * samples)
@@ -48,10 +49,11 @@ def _count(table, low, cells, frame, shift, offsets, reach, d, radius, samples, 
             u, v = (column + 0.5) / size, (row + 0.5) / size
             x = cells[0, 0] * u + cells[0, 1] * v + shift[0]
             y = cells[1, 0] * u + cells[1, 1] * v + shift[1]
-            near = _square(x, y, table, low, frame, offsets, reach, top)
-            if near >= top or near < sure:
-                out[row, column] = 0.0 if near >= top else 1.0
-                continue
+            if radius > 0.0:
+                near = _square(x, y, table, low, frame, offsets, reach, top)
+                if near >= top or near < sure:
+                    out[row, column] = 0.0 if near >= top else 1.0
+                    continue
             hits = 0
             for a in range(samples):
                 v = (row * samples + a + 0.5) * step
@@ -59,7 +61,7 @@ def _count(table, low, cells, frame, shift, offsets, reach, d, radius, samples, 
                     u = (column * samples + b + 0.5) * step
                     x = cells[0, 0] * u + cells[0, 1] * v + shift[0]
                     y = cells[1, 0] * u + cells[1, 1] * v + shift[1]
-                    hits += _square(x, y, table, low, frame, offsets, reach, top) <= d * d
+                    hits += _square(x, y, table, low, frame, offsets, reach, 2.0 * d * d) <= d * d
             out[row, column] = hits * weight
 
 
@@ -87,6 +89,8 @@ def sampled(lattice: Lattice, density: float, size: int, samples: int) -> NDArra
     # a texel's half diagonals in the frame
     diagonals = lattice.frame @ lattice.cells @ np.array([[0.5, 0.5], [0.5, -0.5]]) / size
     radius = float(np.linalg.norm(diagonals, axis=0).max())
+    # texels of many features are never all in or all out
+    radius = radius if radius < 1.0 else 0.0
     offsets = lattice.offsets(density + radius)
     reach = (density + radius) * np.linalg.norm(np.linalg.inv(lattice.frame), axis=1)
     table, low = unrolled(lattice, int(np.abs(offsets).max()))
