@@ -364,3 +364,16 @@ def test_tolerance_is_met_and_errors_are_honest():
         assert found.error <= tolerance
         # two traces of equal error are sqrt 2 times it apart
         assert distance(found.traced, fine) < 1.2 * tolerance
+
+
+def test_approximate_reflectances_are_chosen_by_name():
+    """Schlick by name is Schlick by f0; Lazanyi is nearer to the exact albedo of iron than Schlick."""
+    scratch = brdftab.trace_scratch("quartic:1", bins=64)
+    f0 = ((2.91 - 1.0) ** 2 + 3.09**2) / ((2.91 + 1.0) ** 2 + 3.09**2)
+    t = np.radians([0.0, 60.0, 80.0])
+    exact, schlick, lazanyi = (scratch.albedo(t, fresnel=how, **IRON) for how in ("exact", "schlick", "lazanyi"))
+    np.testing.assert_allclose(schlick, scratch.albedo(t, f0=f0), rtol=1e-9)
+    assert np.array_equal(exact, scratch.albedo(t, **IRON))
+    assert (np.abs(lazanyi - exact) < 0.25 * np.abs(schlick - exact)).all()
+    with pytest.raises(ParameterError, match="fresnel = cook"):
+        scratch.albedo(0.0, fresnel="cook")

@@ -40,7 +40,6 @@ def write_form(
     """
     from brdftab.errors import ParameterError
     from brdftab.models import spec
-    from brdftab.models.scratch.trace import CAP
     from brdftab.scratches.files import write_scratch
     from brdftab.scratches.traced import trace_scratch
 
@@ -51,7 +50,9 @@ def write_form(
     sizes = _sizes(form, grid)
     declared = spec("scratch")
     own = {name: parameters.pop(name, declared.param(name).default) for name in ("profile", "bins", "rays")}
-    scratch = trace_scratch(**own, cap=parameters.pop("max_bounces", CAP))
+    if "max_bounces" in parameters:
+        own["cap"] = parameters.pop("max_bounces")
+    scratch = trace_scratch(**own)
     material = parameters or {"material": declared.param("material").default}
     # a native file serves any material: the one named is for the albedo that is printed
     kept = {} if form == "native" else material

@@ -21,7 +21,7 @@ from brdftab.models.scratch.shoot import CLASSES, ORDERS
 from brdftab.models.scratch.tracer import GROUPS
 
 Array = NDArray[np.float64]
-CELLS = 2048
+CELLS = 4096
 # spreads of cosines below this change nothing
 NARROW = 1e-5
 
