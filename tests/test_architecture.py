@@ -116,6 +116,9 @@ def test_models_do_not_import_each_other():
     assert len(folders) >= 6
     for name, tree in MODULES.items():
         own = name.split(".")[1] if name.startswith("models.") else ""
+        if name.split(".")[0] == "scratches":
+            # what users do with traced scratches needs more than values: flux, cones, profiles
+            own = "scratch"
         for other in imports(tree):
             parts = other.split(".")
             if parts[0] == "models" and len(parts) > 1 and parts[1] in folders:

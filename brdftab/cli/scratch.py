@@ -36,10 +36,9 @@ def scratch() -> None:
 @_json
 def profile(profile: str, out: str | None, overwrite: bool, as_json: bool) -> None:
     """Say how deep and how steep a cross-section is: quartic:1, v:45, u:1:8, ellipse:1, flat or file:PATH."""
-    from brdftab.models.scratch.profiles import parse
-    from brdftab.scratches.figure import draw, summary
+    from brdftab.scratches.figure import draw, profile_of, summary
 
-    shape = parse(profile)
+    shape = profile_of(profile)
     facts = {**summary(shape), "figure": out}
     if out is not None:
         draw(shape, out, overwrite=overwrite)

@@ -10,9 +10,14 @@ import numpy as np
 
 from brdftab.errors import BrdftabError
 from brdftab.io.atomic import atomic, check_target, show
-from brdftab.models.scratch.profiles import Profile
+from brdftab.models.scratch.profiles import Profile, parse
 
 POINTS = 1025
+
+
+def profile_of(text: str) -> Profile:
+    """Return the profile that a string names; raises `ParameterError` or `FileFormatError`."""
+    return parse(text)
 
 
 def summary(profile: Profile) -> dict[str, Any]:
