@@ -71,21 +71,18 @@ def _mirrors() -> list[Case]:
     bins, psi = 32, math.radians(2.0)
     found = []
     for t, j in ((20.0, 25), (-50.0, 9), (0.0, 16)):
-        # the middle of a bin, so that the cosine of incidence is exact
         p, along = PI * ((j + 0.5) / bins - 0.5), math.radians(t)
         share = math.sin(PI * ((j + 1) / bins - 0.5)) - math.sin(PI * (j / bins - 0.5))
         theta = math.acos(math.cos(along) * math.cos(p))
         light = math.atan2(math.cos(along) * math.sin(p), math.sin(along))
         blur = 15.0 / (16.0 * psi)
-        fresnel = 0.5 + 0.5 * (1.0 - math.cos(along) * math.cos(p)) ** 5
-        value = fresnel * blur / (share * math.cos(along) ** 2)
+        value = blur / (share * math.cos(along) ** 2)
         angles = (math.degrees(theta), math.degrees(theta), 180.0)
-        given = {"profile": "flat", "bins": bins, "psi": psi, "f0": 0.5}
+        given = {"profile": "flat", "bins": bins, "psi": psi, "material": "mirror"}
         found.append(
             Case(
                 f"scratch flat {t:g} {j}", "scratch", given, angles, (value,), "a mirror in bins",
-                # reflectance by a table of 4096 cells: 3e-8
-                math.degrees(light), rtol=1e-7, tags=frozenset({"closed", "anisotropic"}),
+                math.degrees(light), rtol=1e-8, tags=frozenset({"closed", "anisotropic"}),
             )
         )  # fmt: skip
     return found

@@ -61,8 +61,8 @@ def test_point_light_sees_the_brdf(tables):
     expected = 2.0 * f * light[:, 2:]
     lit = expected[:, 0] > 1e-3
     assert lit.sum() > 100
-    # Fresnel at t_o here, at (t_i - t_o)/2 there, and 17 slices between: measured 0.4 % at the worst
-    assert np.allclose(found[lit], expected[lit], rtol=0.02)
+    # Fresnel at t_o here, at (t_i - t_o)/2 there, and 17 slices between: measured 1.1 % at the worst
+    assert np.allclose(found[lit], expected[lit], rtol=0.015)
 
 
 def test_cones_gather_the_room(tables):
@@ -82,8 +82,8 @@ def test_cones_gather_the_room(tables):
                 c = math.sqrt(1.0 - x * x)
                 weight = rho[j] * (s[1] - s[0])
                 add_radiance(-v[0], math.cos(t) * x, math.cos(t) * c, weight, LIGHTS, expected)
-        # Eq. 5; measured 2e-3: slices of t, ends of windows
-        assert np.allclose(found[n], expected, rtol=0.01)
+        # Eq. 5; measured 5e-5: slices of t, ends of windows
+        assert np.allclose(found[n], expected, rtol=2e-4)
 
 
 def test_base_gathers_the_room_as_its_brdf_does():
@@ -102,8 +102,8 @@ def test_base_gathers_the_room_as_its_brdf_does():
     mean = np.zeros(3)
     for x, y, z in d:
         add_radiance(x, y, z, np.full(3, 1.0 / n**2), LIGHTS, mean)
-    # 64 turns of 256 samples: measured 2 %
-    assert np.allclose(out.mean(axis=0), 0.6 * mean, rtol=0.06)
+    # 64 turns of 256 samples: measured 2.1 %
+    assert np.allclose(out.mean(axis=0), 0.6 * mean, rtol=0.03)
 
 
 @pytest.mark.parametrize("projection", picture.PROJECTIONS)

@@ -21,9 +21,9 @@ from brdftab.models.scratch.shoot import CLASSES, ORDERS
 from brdftab.models.scratch.tracer import GROUPS
 
 Array = NDArray[np.float64]
-CELLS = 4096
+CELLS = 1024
 # spreads of cosines below this change nothing
-NARROW = 1e-5
+NARROW = 3e-3
 
 
 def groups_of_layers() -> NDArray[np.int64]:
@@ -67,13 +67,17 @@ def _shade(fresnel, weights, rows, column, groups, mass, facts, symmetric, share
         # long and short rows take turns
         k = n // 2 if n % 2 == 0 else last - n // 2
         row, total = np.empty(weights.shape[0]), np.empty(weights.shape[0])
+        # a copy: views of shared arrays are counted, and threads wait for each other there
+        own = np.empty(facts.shape[1])
         e = rows[k]
         while e < rows[k + 1]:
             j = column[e]
             total[:] = 0.0
             first = math.cos(0.5 * step * (k - j))
             while e < rows[k + 1] and column[e] == j:
-                add_path(fresnel, along, groups[e], facts[e], mass[e], first, row, total)
+                for m in range(own.size):
+                    own[m] = facts[e, m]
+                add_path(fresnel, along, groups[e], own, mass[e], first, row, total)
                 e += 1
             scale = 1.0 / (share[k] * share[j])
             for c in range(weights.shape[1]):
