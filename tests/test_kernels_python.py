@@ -109,14 +109,15 @@ def settings():
             # all bounces of Smith facets take minutes without JIT, be they solved or drawn
             continue
         # rays take minutes without JIT, too: as few as are allowed
-        found.append((name, {**cheap(name), **{n: int(spec.param(n).bounds[0]) for n in {"bins", "rays"} & takes}}))
+        least = {**cheap(name), **{n: int(spec.param(n).bounds[0]) for n in {"bins", "rays"} & takes}}
+        found.append((name, least))
         if "ggx" in spec.ndfs and f"{spec.roughness}_x" in takes:
             rough = {f"{spec.roughness}_x": 0.3, f"{spec.roughness}_y": 0.6}
             found.append((name, {"ndf": "ggx", **rough, **({"eta": 0.4, "k": 2.5} if "eta" in takes else {})}))
         if "phong" in spec.ndfs:
             found.append((name, {"ndf": "phong", "alpha": 0.7, "ior": 1.5}))
         if "max_bounces" in takes:
-            found.append((name, {"max_bounces": 3, "f0": 0.6}))
+            found.append((name, {**least, "max_bounces": 3, "f0": 0.6}))
     return found
 
 

@@ -151,7 +151,7 @@ def test_command_writes_tables_as_of_other_models(tmp_path):
     ("words", "match"),
     [
         (["--form", "dense", "--grid", "8x8x8"], "grid = 8x8x8 is not TxP"),
-        (["--grid", "8x8"], "grid = 8x8 has no meaning for form = native"),
+        (["--form", "native", "--grid", "8x8"], "grid = 8x8 has no meaning for form = native"),
         (["--psi", "2"], "psi has no meaning for form = native"),
         (["--cell", "average"], "cell has no meaning"),
         (["--profile", "w:1"], "profile = w:1 is not known"),

@@ -108,7 +108,8 @@ _AXIS = "start:stop:count or a,b,c [degrees]"
     "--form",
     type=click.Choice(["native", "triplet", "dense", "blurred"]),
     help="What is written of a scratch: flux and cosines by bounce order for any material; the paper's texture; a 4-D "
-    "table in the scratch's own angles (--grid TxP, default 16x32); or a table as of other models [default: native].",
+    "table in the scratch's own angles (--grid TxP, default 16x32); or a table as of other models [default: native; "
+    "blurred with a grid].",
 )
 @click.option("--threads", type=int, help="Threads [default: all].")
 @click.option("--overwrite", is_flag=True, help="Replace existing outputs.")
@@ -151,7 +152,8 @@ def tabulate(
     for path in paths:
         check_output(path, overwrite=overwrite)
     _tell_compiling(model)
-    chosen = form or (forms[0] if forms and not axes else "blurred")
+    # a grid of directions asks for a table
+    chosen = form or (forms[0] if forms and not axes and grid is None else "blurred")
     if chosen != "blurred":
         idle = {"cell": cell, "components": components or None, "threads": threads, **axes}
         write_form(chosen, parameters, grid, paths, idle, overwrite, as_json)

@@ -216,7 +216,10 @@ def read_heights(path: str | Path) -> Array:
             data = np.load(name, allow_pickle=False)
         else:
             text = name.read_text().replace(",", " ").replace(";", " ")
-            data = np.loadtxt(text.splitlines(), comments="#", ndmin=2)
+            rows = [row for row in text.splitlines() if row.partition("#")[0].strip()]
+            if not rows:
+                raise ValueError("no numbers")
+            data = np.loadtxt(rows, comments="#", ndmin=2)
         data = np.atleast_1d(np.squeeze(np.asarray(data, dtype=np.float64)))
     except OSError as error:
         raise ParameterError(
