@@ -233,6 +233,7 @@ def show(found: dict) -> None:
 
 
 def main() -> None:
+    """Measure and print a table or JSON."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--profiles", default=",".join(PROFILES))
     parser.add_argument("--bins", type=int, default=256)

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.comparison import Comparison, masks, rows
-from brdftab.errors import BrdftabError
-from brdftab.io.atomic import atomic, check_target, show
+from brdftab.drawing import figure
 from brdftab.table import Table
 
 
@@ -35,19 +34,10 @@ def difference(
     BrdftabError
         Where matplotlib is missing, the ending is unknown or the file cannot be written.
     """
-    if not os.fspath(path).lower().endswith((".png", ".pdf", ".svg")):
-        raise BrdftabError(f"figure = {show(path)} has no known ending; end it in .png, .pdf or .svg")
-    check_target(path, overwrite=overwrite)
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise BrdftabError("figure needs matplotlib; install it with: pip install 'brdftab[report]'") from error
-    picture = Figure(figsize=(11, 4.2), layout="constrained")
-    left, right = picture.subplots(1, 2)
-    _draw_map(picture, left, a, b, result)
-    _draw_histogram(right, a, b, result)
-    with atomic(path, overwrite=overwrite) as temporary:
-        picture.savefig(temporary, dpi=150)
+    with figure(path, (11, 4.2), "figure", overwrite=overwrite) as picture:
+        left, right = picture.subplots(1, 2)
+        _draw_map(picture, left, a, b, result)
+        _draw_histogram(right, a, b, result)
 
 
 def _relative(a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.float64]:

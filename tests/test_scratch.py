@@ -341,10 +341,12 @@ def test_heights_from_files(tmp_path):
     np.savetxt(tmp_path / "unsorted.csv", np.stack([x[::-1], y], axis=1))
     (tmp_path / "words.csv").write_text("a,b\nc,d\n")
     (tmp_path / "empty.csv").write_text("")
+    (tmp_path / "cut.npy").write_bytes((tmp_path / "h.npy").read_bytes()[:300])
     for name, match in (
         ("unsorted.csv", "does not increase at row 2"),
         ("words.csv", "not a list of heights"),
         ("empty.csv", "no numbers"),
+        ("cut.npy", "damaged or no .npy of numbers"),
     ):
         with pytest.raises(FileFormatError, match=match):
             brdftab.trace_scratch(f"file:{tmp_path / name}")

@@ -19,7 +19,7 @@ def scratch():
     return brdftab.trace_scratch("quartic:1", bins=64)
 
 
-@pytest.mark.parametrize(("ending", "close"), [("npz", 0.0), ("exr", 2e-6)])
+@pytest.mark.parametrize(("ending", "close"), [("npz", 0.0), ("exr", 5e-9)])
 def test_native_files_serve_any_material(scratch, tmp_path, ending, close):
     path = tmp_path / f"s.{ending}"
     head = brdftab.write_scratch(scratch, path)
@@ -135,6 +135,14 @@ def test_command_writes_every_form(tmp_path):
     text = run("--profile", "v:30", "--out", str(tmp_path / "n.npz"), *("--eta", "2.91", "--k", "3.09"))
     assert "albedo   60  0.298" in text.stdout
     assert brdftab.read_scratch(tmp_path / "n.npz").bins == 32
+
+
+def test_command_warns_of_light_that_the_cap_cuts_off(tmp_path):
+    deep = run("--profile", "v:10", "--max-bounces", "3", "--out", str(tmp_path / "d.npz"))
+    assert deep.exit_code == 0
+    assert "Warning: max_bounces = 3 cuts off 0." in deep.stderr
+    assert "--max-bounces" in deep.stderr
+    assert "Warning" not in run("--profile", "v:45", "--out", str(tmp_path / "s.npz")).stderr
 
 
 def test_command_writes_tables_as_of_other_models(tmp_path):

@@ -9,6 +9,8 @@ from typing import Any
 import click
 
 ANGLES = (0, 30, 60)
+# share of the light that the cap of bounces may cut off without a warning
+LOST = 1e-3
 
 
 def _sizes(form: str, grid: str | None) -> dict[str, tuple[int, int]]:
@@ -59,6 +61,12 @@ def write_form(
     heads = [write_scratch(scratch, path, form=form, overwrite=overwrite, **sizes, **kept) for path in paths]
     albedo = [scratch.albedo(math.radians(t), **material).tolist() for t in ANGLES]
     orders = (scratch.flux.sum(axis=(1, 2)) / 2.0).tolist()
+    lost = heads[0]["error"]["lost_mean"]
+    if lost > LOST:
+        click.echo(
+            f"Warning: max_bounces = {heads[0]['cap']} cuts off {lost:.2g} of the light; raise it with --max-bounces",
+            err=True,
+        )
     if as_json:
         facts = {k: v for k, v in heads[0].items() if k not in ("shape", "phi_edges")}
         facts |= {"form": form, "flux_by_order": orders, "material": material}

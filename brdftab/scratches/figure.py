@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from brdftab.errors import BrdftabError
-from brdftab.io.atomic import atomic, check_target, show
+from brdftab.drawing import figure
 from brdftab.models.scratch.profiles import Profile, parse
 
 POINTS = 1025
@@ -53,27 +52,18 @@ def draw(profile: Profile, path: str | os.PathLike[str], *, overwrite: bool = Fa
     BrdftabError
         Where matplotlib is missing, the ending is unknown or the file cannot be written.
     """
-    if not os.fspath(path).lower().endswith((".png", ".pdf", ".svg")):
-        raise BrdftabError(f"out = {show(path)} has no known ending; end it in .png, .pdf or .svg")
-    check_target(path, overwrite=overwrite)
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise BrdftabError("out needs matplotlib; install it with: pip install 'brdftab[report]'") from error
     # both sides of every knot, so that walls which meet in an edge keep it
     tiny = 1e-9
     x = np.unique(np.clip(np.concatenate([np.linspace(-1.0, 1.0, POINTS), profile.knots, profile.knots - tiny]), -1, 1))
     height, slope = profile.at(x)
-    picture = Figure(figsize=(7.0, 6.0), layout="constrained")
-    top, bottom = picture.subplots(2, 1, sharex=True)
-    across, surface = np.concatenate([[-1.6], x, [1.6]]), np.concatenate([[0.0], height, [0.0]])
-    top.plot(across, surface, "k")
-    top.fill_between(across, surface, -1.25 * max(profile.depth, 0.1), color="0.85")
-    top.set(title=f"{profile.text}: depth {profile.depth:.4g} half widths", ylabel="height (half widths)")
-    if profile.depth <= 4.0:
-        top.set_aspect("equal", adjustable="datalim")
-    bottom.plot(x, np.degrees(np.arctan(slope)), "k")
-    bottom.axhline(0.0, color="0.6", linewidth=0.8)
-    bottom.set(xlabel="place across the scratch (half widths)", ylabel="slope (degrees)")
-    with atomic(path, overwrite=overwrite) as temporary:
-        picture.savefig(temporary, dpi=150)
+    with figure(path, (7.0, 6.0), "out", overwrite=overwrite) as picture:
+        top, bottom = picture.subplots(2, 1, sharex=True)
+        across, surface = np.concatenate([[-1.6], x, [1.6]]), np.concatenate([[0.0], height, [0.0]])
+        top.plot(across, surface, "k")
+        top.fill_between(across, surface, -1.25 * max(profile.depth, 0.1), color="0.85")
+        top.set(title=f"{profile.text}: depth {profile.depth:.4g} half widths", ylabel="height (half widths)")
+        if profile.depth <= 4.0:
+            top.set_aspect("equal", adjustable="datalim")
+        bottom.plot(x, np.degrees(np.arctan(slope)), "k")
+        bottom.axhline(0.0, color="0.6", linewidth=0.8)
+        bottom.set(xlabel="place across the scratch (half widths)", ylabel="slope (degrees)")

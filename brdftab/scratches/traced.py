@@ -163,10 +163,7 @@ class Scratch:
         """
         setup = resolve("scratch", psi=psi, **material)
         assert setup.fresnel is not None
-        given = (np.asarray(a, dtype=np.float64) for a in (theta_i, theta_o, phi, phi_i))
-        angles = np.broadcast_arrays(*given)
-        shape = angles[0].shape
-        ti, to, dphi, pi = (np.ascontiguousarray(a).reshape(-1) for a in angles)
+        shape, (ti, to, dphi, pi) = _flat(theta_i, theta_o, phi, phi_i)
         values = blur.points(self.traced, setup.fresnel, setup.values["psi"], ti, to, dphi, pi, 1)
         return values[:, 0].reshape(*shape, -1)
 
@@ -203,10 +200,7 @@ class Scratch:
         """
         setup = resolve("scratch", psi=psi, **material)
         assert setup.fresnel is not None
-        given = (np.asarray(a, dtype=np.float64) for a in (theta_l, theta_o, phi, phi_l))
-        angles = np.broadcast_arrays(*given)
-        shape = angles[0].shape
-        tl, to, dphi, pl = (np.ascontiguousarray(a).reshape(-1) for a in angles)
+        shape, (tl, to, dphi, pl) = _flat(theta_l, theta_o, phi, phi_l)
         return light.lit(self.traced, setup.fresnel, setup.values["psi"], tl, to, dphi, pl).reshape(*shape, -1)
 
     def sample(
@@ -229,10 +223,14 @@ class Scratch:
         self, theta_i: ArrayLike, theta_o: ArrayLike, phi: ArrayLike, *, phi_i: ArrayLike = 0.0, psi: float = PSI
     ) -> Array:
         """Return the density in 1/sr that `sample` draws from, of the broadcast shape; radians."""
-        given = (np.asarray(a, dtype=np.float64) for a in (theta_i, theta_o, phi, phi_i))
-        angles = np.broadcast_arrays(*given)
-        flat = [np.ascontiguousarray(a).reshape(-1) for a in angles]
-        return density(self.traced, psi, *flat).reshape(angles[0].shape)
+        shape, (ti, to, dphi, pi) = _flat(theta_i, theta_o, phi, phi_i)
+        return density(self.traced, psi, ti, to, dphi, pi).reshape(shape)
+
+
+def _flat(*angles: ArrayLike) -> tuple[tuple[int, ...], list[Array]]:
+    """Return the broadcast shape of angles, and each as a row."""
+    every = np.broadcast_arrays(*(np.asarray(a, dtype=np.float64) for a in angles))
+    return every[0].shape, [np.ascontiguousarray(a).reshape(-1) for a in every]
 
 
 def material_of(material: dict[str, Any]) -> Fresnel:

@@ -197,6 +197,15 @@ def _flat_pieces() -> tuple[Array, Array, Array, Array]:
     return np.array([-1.0, 1.0]), zero, zero, zero
 
 
+def _load(path: Path) -> Array:
+    """Return the numbers of an .npy file; raises ValueError."""
+    try:
+        return np.asarray(np.load(path, allow_pickle=False), dtype=np.float64)
+    except (ValueError, EOFError, TypeError):
+        # numpy proposes to trust the file
+        raise ValueError("damaged or no .npy of numbers") from None
+
+
 def read_heights(path: str | Path) -> Array:
     """Return the heights in an .npy file, or in a text file: one column of heights, or x and height.
 
@@ -213,7 +222,7 @@ def read_heights(path: str | Path) -> Array:
     name = Path(path)
     try:
         if name.suffix.lower() == ".npy":
-            data = np.load(name, allow_pickle=False)
+            data = _load(name)
         else:
             text = name.read_text().replace(",", " ").replace(";", " ")
             rows = [row for row in text.splitlines() if row.partition("#")[0].strip()]
