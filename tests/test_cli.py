@@ -393,22 +393,6 @@ def test_first_run_says_that_it_compiles(tmp_path):
     assert second.stderr == ""
 
 
-@pytest.mark.skipif("PYTEST_XDIST_WORKER" in os.environ, reason="times a command: run it alone, as .ci/run does")
-def test_second_smith_table_takes_at_most_a_second_and_a_half(tmp_path):
-    """From shell to file, 90x90x180; the CPU time of all threads stands for the wall time of a machine left alone."""
-    words = ("tabulate", "--model", "smith", "--overwrite")
-    limit = 1.5 * float(os.environ.get("BRDFTAB_SLOWNESS", "1"))
-    assert shell(*words, cwd=tmp_path).returncode == 0
-    times = []
-    while len(times) < 12 and min(times, default=9.9) > limit:
-        before, started = os.times(), time.perf_counter()
-        assert shell(*words, cwd=tmp_path).returncode == 0
-        after = os.times()
-        cpu = after.children_user + after.children_system - before.children_user - before.children_system
-        times.append(min(cpu, time.perf_counter() - started))
-    assert min(times) <= limit, times
-
-
 def test_reader_that_goes_away(tmp_path):
     command = [sys.executable, "-c", "from brdftab.cli import main; main()", "models", "--json"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=tmp_path) as process:
