@@ -83,8 +83,8 @@ def _names(setup: Setup) -> tuple[str, ...]:
     return ("reflected", "transmitted", "reflected_below", "transmitted_below") if setup.transmits else ("reflected",)
 
 
-def _albedos(setup: Setup, angles: Array, tolerance: float) -> Array:
-    """Return the albedos (L, N, C) of all layers at polar angles above the surface."""
+def albedos(setup: Setup, angles: Array, tolerance: float) -> Array:
+    """Return the albedos (L, N, C) of all layers at polar angles (N,) above the surface, radians."""
     if setup.transmits:
         split = models.kernel(setup.model.name).split_albedo
         both = [split(setup, t, tolerance) for t in (angles, math.pi - angles)]
@@ -105,10 +105,10 @@ def _row(setup: Setup, cosines: Array, tolerance: float) -> tuple[Array, Array, 
     x, w = np.polynomial.legendre.leggauss(20)
     # squared nodes gather at grazing, where albedos turn
     mu, weight = (0.5 * (1.0 + x)) ** 2, 0.5 * w * (1.0 + x)
-    found = _albedos(setup, np.concatenate([angles, np.arccos(mu)]), tolerance)
+    found = albedos(setup, np.concatenate([angles, np.arccos(mu)]), tolerance)
     cells, rest = found[:, : angles.size], found[:, angles.size :]
     picked = np.unique(np.linspace(0, angles.size - 1, CHECKS).round().astype(int))
-    finer = _albedos(setup, angles[picked], max(0.01 * tolerance, 1e-10))
+    finer = albedos(setup, angles[picked], max(0.01 * tolerance, 1e-10))
     error = float(np.abs(finer - cells[:, picked]).max())
     return cells, 2.0 * np.einsum("n,lnc->lc", weight * mu, rest), error
 

@@ -101,12 +101,21 @@ def _fill_averages(
 class Run:
     """One attempt at one tolerance: engine, values, cost."""
 
-    def __init__(self, setup: Setup, grid: Grid, dtype: DTypeLike, tolerance: float, orders: int, fast: bool) -> None:
+    def __init__(
+        self,
+        setup: Setup,
+        grid: Grid,
+        dtype: DTypeLike,
+        tolerance: float,
+        orders: int,
+        fast: bool,
+        engine: Engine | None = None,
+    ) -> None:
         self.setup, self.grid, self.orders = setup, grid, orders
         self.cells = _singular_cells(setup, grid)
         self.nodes = 0
         started = time.perf_counter()
-        self.engine = Engine(setup, tolerance, orders, fast)
+        self.engine = engine or Engine(setup, tolerance, orders, fast)
         self.kernel_time = time.perf_counter() - started
         self.values = np.empty((self.engine.layers, *grid.shape, len(setup.channels)), dtype=dtype)
 

@@ -69,6 +69,13 @@ def _warm_up(setup: Setup, grid: Grid, tolerance: float, orders: int, dtype: DTy
     return time.perf_counter() - started
 
 
+def default_grid(setup: Setup) -> str:
+    """Return the grid that is taken where none is given."""
+    if not setup.isotropic:
+        return DEFAULT_ANISOTROPIC
+    return DEFAULT_BELOW if setup.transmits else DEFAULT_GRID
+
+
 def tabulate(
     model: str,
     grid: Grid | str | Mapping[str, Any] | None = None,
@@ -123,9 +130,7 @@ def tabulate(
     if str(dtype) not in ("float32", "float64"):
         raise ParameterError(f"dtype = {dtype} is not known; choose float32 or float64")
     setup = resolve(model, **parameters)
-    if grid is None:
-        grid = (DEFAULT_BELOW if setup.transmits else DEFAULT_GRID) if setup.isotropic else DEFAULT_ANISOTROPIC
-    layout = Grid.resolve(grid, cell)
+    layout = Grid.resolve(default_grid(setup) if grid is None else grid, cell)
     if layout.isotropic and not setup.isotropic:
         rough = setup.model.roughness
         why = (
@@ -185,6 +190,10 @@ def retabulate(table: Table, threads: int | None = None) -> Table:
         If the provenance lacks what is needed or names an unknown model or parameter.
     """
     made = table.provenance
+    if "plan" in made:
+        from brdftab.scene.carry import repeat
+
+        return repeat(table)
     missing = [key for key in ("model", "parameters", "tolerance", "components") if key not in made]
     if missing:
         raise ParameterError(

@@ -14,11 +14,13 @@ from brdftab.errors import BrdftabError
 
 _COMMANDS = {
     "albedo": "brdftab.cli.albedo:albedo",
+    "cache": "brdftab.cli.scene:cache",
     "compare": "brdftab.cli.files:compare",
     "eval": "brdftab.cli.values:evaluate",
     "fit": "brdftab.cli.fitting:fit",
     "info": "brdftab.cli.files:info",
     "models": "brdftab.cli.registry:models",
+    "plan": "brdftab.cli.scene:plan",
     "scratch": "brdftab.cli.scratch:scratch",
     "tabulate": "brdftab.cli.values:tabulate",
     "verify": "brdftab.cli.files:verify",

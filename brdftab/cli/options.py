@@ -61,7 +61,7 @@ def _option(name: str, variants: list[tuple[Param, list[str]]], total: int) -> C
     return click.option(f"--{name.replace('_', '-')}", name, type=kind, help="; ".join(parts))
 
 
-def model_options(command: Callable[..., Any]) -> Callable[..., Any]:
+def model_options(command: Callable[..., Any], required: bool = True) -> Callable[..., Any]:
     """Add ``--model`` and one option for every parameter that any model of the registry declares.
 
     A command's own option of that name, as the seed of a fit, takes its place.
@@ -71,9 +71,13 @@ def model_options(command: Callable[..., Any]) -> Callable[..., Any]:
     total = len(names())
     for name, variants in reversed(list(everything.items())):
         command = _option(name, variants, total)(command)
-    return click.option("--model", required=True, metavar="NAME", help="Model of the registry; see brdftab models.")(
-        command
-    )
+    told = "Model of the registry; see brdftab models."
+    return click.option("--model", required=required, metavar="NAME", help=told)(command)
+
+
+def optional_model_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options of `model_options` to a command that can do without a model."""
+    return model_options(command, required=False)
 
 
 def given_parameters(model: str, options: dict[str, Any]) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from brdftab.cli.forms import write_form
-from brdftab.cli.options import given_parameters, model_options
+from brdftab.cli.options import given_parameters, model_options, optional_model_options
 from brdftab.cli.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -86,9 +86,10 @@ _AXIS = "start:stop:count or a,b,c [degrees]"
     "  brdftab tabulate --model vgroove-nonsym\n"
     "  brdftab tabulate --model smith --ndf ggx --alpha 0.3 --material Cu --grid 45x45x90 --out copper.npz\n"
     "  brdftab tabulate --model vgroove-sym --alpha-x 0.1 --alpha-y 0.4 --grid 12x24x12x24 --components\n"
-    "  brdftab tabulate --model cook-torrance --theta-i 10,30,60 --theta-o 0:80:17 --phi 0:180:37 --cell point"
+    "  brdftab tabulate --model cook-torrance --theta-i 10,30,60 --theta-o 0:80:17 --phi 0:180:37 --cell point\n"
+    "  brdftab tabulate --scene scene.toml --out tables --verify-plan"
 )
-@model_options
+@optional_model_options
 @click.option("--grid", metavar="IxOxP", help="Cells, theta_i x theta_o x phi (or four) [default: 90x90x180].")
 @click.option("--theta-i", "theta_i", metavar="AXIS", help=f"Positions instead of --grid: {_AXIS}.")
 @click.option("--theta-o", "theta_o", metavar="AXIS", help="Positions [default: those of theta_i].")
@@ -99,11 +100,17 @@ _AXIS = "start:stop:count or a,b,c [degrees]"
     "--out", "outs", multiple=True, metavar="FILE", help="Output, .exr or .npz; may be repeated [default: MODEL.exr]."
 )
 @click.option("--cell", type=click.Choice(["center", "average", "point"]), help="What a cell holds [default: center].")
-@click.option(
-    "--dtype", type=click.Choice(["float32", "float64"]), default="float32", help="Stored type [default: float32]."
-)
-@click.option("--tolerance", type=float, default=1e-3, help="Relative error asked [default: 1e-3].")
+@click.option("--dtype", type=click.Choice(["float32", "float64"]), help="Stored type [default: float32].")
+@click.option("--tolerance", type=float, help="Relative error asked [default: 1e-3].")
 @_components
+@click.option(
+    "--scene",
+    metavar="FILE",
+    help="Tabulate the materials of a scene (TOML) instead of a model, and only what it needs; --out is a folder or "
+    "FOLDER/{name}.npz [default: the scene's name].",
+)
+@click.option("--verify-plan", is_flag=True, help="Measure the true error of a scene's tables against full ones.")
+@click.option("--no-cache", is_flag=True, help="Neither take a scene's tables from the cache nor keep them there.")
 @click.option(
     "--form",
     type=click.Choice(["native", "triplet", "dense", "blurred"]),
@@ -115,13 +122,16 @@ _AXIS = "start:stop:count or a,b,c [degrees]"
 @click.option("--overwrite", is_flag=True, help="Replace existing outputs.")
 @_json
 def tabulate(
-    model: str,
+    model: str | None,
     grid: str | None,
     outs: tuple[str, ...],
     cell: str | None,
-    dtype: str,
-    tolerance: float,
+    dtype: str | None,
+    tolerance: float | None,
     components: bool,
+    scene: str | None,
+    verify_plan: bool,
+    no_cache: bool,
     form: str | None,
     threads: int | None,
     overwrite: bool,
@@ -133,6 +143,19 @@ def tabulate(
     from brdftab.io import check_output, write
     from brdftab.models.setup import resolve
 
+    if scene is not None:
+        from brdftab.cli.scene import tabulate_scene
+
+        given = {"model": model, "grid": grid, "cell": cell, "dtype": dtype, "tolerance": tolerance, "form": form}
+        idle = {**given, "components": components, "threads": threads, **options}
+        if not tabulate_scene(scene, outs, overwrite, verify_plan, not no_cache, as_json, idle):
+            click.get_current_context().exit(1)
+        return
+    if model is None:
+        raise ParameterError("model is missing; give --model NAME (see brdftab models), or --scene FILE")
+    for name, asked in (("verify_plan", verify_plan), ("no_cache", no_cache)):
+        if asked:
+            raise ParameterError(f"{name} goes with --scene; leave it out")
     started = time.perf_counter()
     axes = {name: options.pop(name) for name in ("theta_i", "theta_o", "phi", "phi_i", "phi_o")}
     axes = {name: value for name, value in axes.items() if value is not None}
@@ -165,8 +188,8 @@ def tabulate(
             model,
             axes or grid,
             cell=cell,
-            dtype=dtype,
-            tolerance=tolerance,
+            dtype=dtype or "float32",
+            tolerance=1e-3 if tolerance is None else tolerance,
             components=components,
             threads=threads,
             progress=report,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,8 @@ from brdftab.models import Model, Param, settled, spec
 from brdftab.models.microfacet.params import FRESNEL_PARAMS
 
 NDF_CODES = {"beckmann": 0, "ggx": 1, "phong": 2, "gaussian": 3}
+# of linear sRGB, IEC 61966-2-1
+LUMINANCE = (0.2126, 0.7152, 0.0722)
 _FRESNEL_NAMES = frozenset(p.name for p in FRESNEL_PARAMS)
 
 
@@ -279,6 +281,18 @@ def resolve(model: str, **given: Any) -> Setup:
         max_bounces=_cap(checked, values),
     )
     return settled(setup)
+
+
+def luminance(setup: Setup) -> Setup:
+    """Return a setup with one channel Y, the luminance of linear sRGB, where the spectrum alone makes its channels.
+
+    Others come back as they are: their RGB values are added up after the evaluation (`LUMINANCE`).
+    """
+    fresnel = setup.fresnel
+    if fresnel is None or setup.channels != fresnel.channels or setup.channels != ("R", "G", "B"):
+        return setup
+    weights = fresnel.weights @ np.array(LUMINANCE)[:, None]
+    return replace(setup, fresnel=replace(fresnel, weights=weights, channels=("Y",)), channels=("Y",))
 
 
 def component_names(setup: Setup, orders: int) -> tuple[str, ...]:

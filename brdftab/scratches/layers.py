@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import tomllib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,11 +12,12 @@ from typing import Any
 import numpy as np
 
 from brdftab import models
-from brdftab.errors import BrdftabError, FileFormatError, ParameterError
+from brdftab.errors import ParameterError
 from brdftab.io.atomic import show
 from brdftab.models.setup import Setup, resolve
 from brdftab.scratches.areas import covered, density_of
 from brdftab.scratches.combine import COMBINATIONS
+from brdftab.tomlfile import Entry, read_toml
 
 MOST_LAYERS = 256
 _TOP = ("seed", "psi", "combination", "base", "layer")
@@ -135,57 +135,9 @@ class Layered:
         }
 
 
-class _Entry:
-    """One table of the file: takes keys out of it and tells what is wrong with them in one line."""
-
-    def __init__(self, source: str, where: str, table: Any, known: tuple[str, ...] | None) -> None:
-        self.head = f"{show(source)}: {where}" if where else show(source)
-        if not isinstance(table, dict):
-            raise FileFormatError(
-                f"{self.head} is not a table of keys; write it as [{where.split()[0]}] and keys below"
-            )
-        self.table = dict(table)
-        for key in self.table:
-            if known is not None and key not in known:
-                raise ParameterError(
-                    f"{self.head}: {key} = {self.table[key]!r} is no key; known are {', '.join(known)}"
-                )
-
-    def number(
-        self, key: str, default: float | None, low: float, high: float, remedy: str, *, open_low: bool = False
-    ) -> float:
-        """Return a number in [low, high], or (low, high]."""
-        value = self.table.get(key, default)
-        valid = f"{'(' if open_low else '['}{low:g}, {high:g}]"
-        if value is None:
-            raise ParameterError(f"{self.head}: {key} is missing; give a number in {valid}: {remedy}")
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ParameterError(f"{self.head}: {key} = {value!r} is not a number in {valid}; {remedy}")
-        if not (low < value if open_low else low <= value) or not value <= high:
-            raise ParameterError.out_of_range(f"{self.head}: {key}", f"{value:g}", valid, remedy)
-        return float(value)
-
-    def whole(self, key: str, default: int, low: int, high: int, remedy: str) -> int:
-        """Return a whole number in [low, high]."""
-        value = self.table.get(key, default)
-        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-            shown = value if isinstance(value, int | float) else repr(value)
-            raise ParameterError.out_of_range(
-                f"{self.head}: {key}", shown, f"the whole numbers in [{low}, {high}]", remedy
-            )
-        return value
-
-    def check(self, model: str, **parameters: Any) -> Setup:
-        """Resolve a model; its errors get this entry's name in front."""
-        try:
-            return resolve(model, **parameters)
-        except BrdftabError as error:
-            raise type(error)(f"{self.head}: {error}") from None
-
-
 def _base(source: str, table: Any) -> tuple[str, dict[str, Any]]:
     """Return the base's model and parameters; angles in radians."""
-    entry = _Entry(source, "base", table, None)
+    entry = Entry(source, "base", table, None)
     name = entry.table.pop("model", None)
     if name not in models.names() or name == "scratch":
         known = ", ".join(n for n in models.names() if n != "scratch")
@@ -200,7 +152,7 @@ def _base(source: str, table: Any) -> tuple[str, dict[str, Any]]:
     return name, parameters
 
 
-def _profile(entry: _Entry, folder: Path) -> str:
+def _profile(entry: Entry, folder: Path) -> str:
     """Return the profile's name; a file's path counts from the folder of the layers."""
     text = entry.table.get("profile")
     if not isinstance(text, str):
@@ -210,7 +162,7 @@ def _profile(entry: _Entry, folder: Path) -> str:
     return f"file:{folder / path}" if form == "file" and path else text
 
 
-def _area(entry: _Entry) -> tuple[float, float]:
+def _area(entry: Entry) -> tuple[float, float]:
     """Return density and area from the one of them that is given."""
     given = [key for key in ("density", "area") if key in entry.table]
     if len(given) != 1:
@@ -223,7 +175,7 @@ def _area(entry: _Entry) -> tuple[float, float]:
     return density_of(area), area
 
 
-def _group(entry: _Entry, number: int, folder: Path, seed: int, psi: float) -> list[Layer]:
+def _group(entry: Entry, number: int, folder: Path, seed: int, psi: float) -> list[Layer]:
     """Return the layers of one entry: one, or as many as count says."""
     profile = _profile(entry, folder)
     material = {key: entry.table[key] for key in _MATERIAL if key in entry.table}
@@ -267,7 +219,7 @@ def parse(table: dict[str, Any], source: str = "layers", folder: str | os.PathLi
     FileFormatError
         If a table is none, or a profile's file holds no heights.
     """
-    top = _Entry(source, "", table, _TOP)
+    top = Entry(source, "", table, _TOP)
     seed = top.whole("seed", 0, 0, 2**63 - 1, "of the random numbers")
     psi = math.radians(top.number("psi", 1.0, 0.01, 20.0, "half width of the blurred cone, degrees"))
     combination = top.table.get("combination", COMBINATIONS[0])
@@ -283,7 +235,7 @@ def parse(table: dict[str, Any], source: str = "layers", folder: str | os.PathLi
         raise ParameterError(f"{top.head}: layer is missing; give at least one [[layer]] with a profile")
     found: list[Layer] = []
     for number, given in enumerate(entries, start=1):
-        entry = _Entry(source, f"layer {number}", given, _LAYER)
+        entry = Entry(source, f"layer {number}", given, _LAYER)
         found += _group(entry, number, Path(folder), seed, psi)
     if len(found) > MOST_LAYERS:
         raise ParameterError.out_of_range(f"{top.head}: layers", len(found), f"[1, {MOST_LAYERS}]", "lower a count")
@@ -311,12 +263,5 @@ def read(path: str | os.PathLike[str]) -> Layered:
         If it cannot be opened, or a key is unknown, missing or out of range.
     """
     name = os.fspath(path)
-    try:
-        with open(name, "rb") as file:
-            table = tomllib.load(file)
-    except (OSError, ValueError) as error:
-        if isinstance(error, tomllib.TOMLDecodeError | UnicodeDecodeError):
-            raise FileFormatError(f"{show(name)}: is not valid TOML ({error}); mend it") from error
-        reason = getattr(error, "strerror", None) or str(error)
-        raise ParameterError(f"{show(name)}: cannot be opened ({reason}); check the path") from error
+    table = read_toml(name)
     return parse(table, name, Path(name).parent)

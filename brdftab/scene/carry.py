@@ -1,0 +1,179 @@
+"""Tables made as a plan says, checked against the model itself, and made finer where the check fails."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brdftab import models
+from brdftab._version import __version__
+from brdftab.albedos import AlbedoTable
+from brdftab.attempts import MIRROR_NODES, Run
+from brdftab.engine import Engine, Progress
+from brdftab.evaluation import is_stochastic
+from brdftab.models.setup import LUMINANCE, Setup, resolve
+from brdftab.provenance import machine
+from brdftab.scene import albedo
+from brdftab.scene.lookup import interpolate
+from brdftab.scene.plan import Plan, Planned, added_up
+from brdftab.scene.planner import probes, resolved
+from brdftab.scene.resolution import largest_error
+from brdftab.stochastic import LAYER
+from brdftab.table import Table
+from brdftab.tabulation import tabulate
+
+Array = NDArray[np.float64]
+CHECKS = 256
+# the check may find this share of what is promised; a maximum over all cells exceeds one over a few
+PART = 0.5
+# shares of what interpolation may cost in each attempt; None takes every position
+ATTEMPTS = (1.0, 0.3, None)
+# a table below this tolerance makes its mirror cells with the finer rule
+FINE_MIRROR = 3e-3
+DEFINITION = (
+    "largest channel difference to the unplanned model by direct evaluation, over the cell's largest channel or the "
+    "plan's floor, the maximum over seeded pairs of positions of the unplanned grid, looked up in the planned table"
+)
+
+
+def filled(plan: Plan, engine: Engine | None, progress: Progress | None = None) -> tuple[Table, Run]:
+    """Return the table of a plan by quadrature, unchecked."""
+    assert plan.grid is not None
+    setup = plan.setup()
+    run = Run(setup, plan.grid, plan.dtype, plan.rules, 0, True, engine)
+    run.compute(MIRROR_NODES[1 if plan.tolerance < FINE_MIRROR else 0], progress)
+    values = added_up(run.total, plan.luminance)
+    channels = ("Y",) if plan.luminance else setup.channels
+    provenance: dict[str, Any] = {
+        "model": plan.model,
+        "parameters": plan.given,
+        "tolerance": plan.tolerance,
+        "components": False,
+        "plan": plan.to_json(),
+    }
+    return Table(values, plan.grid, channels, {}, None, provenance, __version__), run
+
+
+def drawn(plan: Plan, progress: Progress | None = None) -> Table:
+    """Return the table of a plan of estimates with noise; its standard errors stand beside the values."""
+    table = tabulate(
+        plan.model, plan.grid, dtype=plan.dtype, tolerance=plan.rules, progress=progress, **plan.parameters
+    )
+    spread = table.components[LAYER]
+    if plan.luminance:
+        # channels share their paths: the errors add up at worst
+        spread = (np.abs(spread) @ np.array(LUMINANCE))[..., None].astype(spread.dtype)
+    channels = ("Y",) if plan.luminance else table.channels
+    values = added_up(table.values, plan.luminance)
+    made = dict(table.provenance) | {"parameters": plan.given, "plan": plan.to_json()}
+    return Table(values, table.grid, channels, {LAYER: spread}, None, made, __version__)
+
+
+def check(table: Table, plan: Plan, seed: int = 2) -> dict[str, Any]:
+    """Compare looked-up values with the unplanned model at seeded pairs of directions.
+
+    Returns
+    -------
+    dict
+        As `Estimate.to_json`, with tolerance, met and reason.
+    """
+    assert plan.full is not None
+    pairs = probes(plan.full, plan.floor, CHECKS, seed)
+    setup = resolve(plan.model, **plan.given)
+    reference = added_up(pairs.values(setup, 0.1 * plan.rules)[0][:, 0], plan.luminance)
+    found = interpolate(table, pairs.theta_i, pairs.theta_o, pairs.phi, phi_i=pairs.phi_i)
+    if found.shape[1] < reference.shape[1]:
+        found = np.broadcast_to(found, reference.shape)
+    scale = np.maximum(np.abs(reference).max(axis=1), plan.floor)
+    error = np.abs(found - reference).max(axis=1) / scale
+    worst = int(np.argmax(error))
+    angles = (pairs.theta_i, pairs.theta_o, pairs.phi, pairs.phi_i)
+    return {
+        "tolerance": plan.tolerance,
+        "estimate": float(error[worst]),
+        "p95": float(np.quantile(error, 0.95)),
+        "rms": float(math.sqrt(np.mean(error * error))),
+        "cells": int(error.size),
+        "mirror_cells": 0,
+        "worst_degrees": [math.degrees(a[worst]) for a in angles],
+        "definition": DEFINITION,
+        "promised": plan.cell_error,
+        "met": bool(error[worst] <= plan.cell_error),
+        "reason": "" if error[worst] <= plan.cell_error else "no position was left out, and the quadratures leave this",
+    }
+
+
+def carry_out(planned: Planned, progress: Progress | None = None) -> Table | AlbedoTable:
+    """Make the table of a planned material.
+
+    Where the check finds more than half of the promised error, the table is made again with more positions, and at last
+    with all of them; the plan in the file is the one that was followed.
+
+    Returns
+    -------
+    Table or AlbedoTable
+        With the plan in its provenance.
+    """
+    started = time.perf_counter()
+    plan = planned.plan
+    if plan.quantity == "albedo" and plan.cosines:
+        return albedo.make(plan)
+    if is_stochastic(plan.setup()):
+        return drawn(plan, progress)
+    kernel = 0.0
+    for share in ATTEMPTS:
+        if share is None:
+            planned = everywhere(planned)
+        elif share < 1.0:
+            planned = resolved(planned, plan.setup(), share)
+        plan = planned.plan
+        table, run = filled(plan, planned.engine, progress)
+        kernel += run.kernel_time
+        error = check(table, plan)
+        if plan.grid == plan.full or plan.symmetric:
+            break
+        if max(largest_error(run.engine, table, plan, 3), error["estimate"]) <= PART * plan.cell_error:
+            break
+    setup: Setup = plan.setup()
+    table.provenance |= {
+        "grid": "x".join(map(str, table.grid.shape)),
+        "cell": table.grid.cell,
+        "error": error,
+        "averaged_cells": len(run.cells),
+        "method": run.method,
+        "variant": setup.model.variant,
+        "citation": setup.model.citation,
+        "doi": setup.model.doi,
+        "kernel_time_s": kernel,
+        "planning_time_s": planned.seconds,
+        "total_time_s": planned.seconds + time.perf_counter() - started,
+        "machine": machine(),
+    }
+    return table
+
+
+def everywhere(planned: Planned) -> Planned:
+    """Return the plan with every position that symmetry does not give."""
+    plan = planned.plan
+    items = tuple(item for item in plan.items if item.name != "resolution")
+    grid = plan.grid if plan.symmetric else plan.full
+    return Planned(planned.material, replace(plan, grid=grid, apart=0, items=items), planned.engine, planned.seconds)
+
+
+def repeat(table: Table) -> Table:
+    """Make a planned table again from the plan that it holds, following it as it is."""
+    plan = Plan.from_json(table.provenance["plan"])
+    if is_stochastic(plan.setup()):
+        return drawn(plan)
+    return filled(plan, None)[0]
+
+
+def known(table: Table) -> bool:
+    """Tell whether a table holds a plan of a model of the registry."""
+    plan = table.provenance.get("plan")
+    return isinstance(plan, dict) and plan.get("model") in models.names()

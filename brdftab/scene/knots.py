@@ -1,0 +1,132 @@
+"""Which positions of an axis are enough: cubics in log f between them meet a tolerance everywhere else."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+FIRST = 6
+
+
+def stencil(knots: Array, x: Array, *, even: tuple[float, ...] = (), apart: int = 0) -> tuple[NDArray[np.int64], Array]:
+    """Return the four (or fewer) knots around each position and their Lagrange weights.
+
+    Parameters
+    ----------
+    knots : ndarray (K,)
+        Increasing.
+    x : ndarray (N,)
+        Positions; beyond the ends the outermost polynomial goes on.
+    even : tuple of float
+        Positions about which the function is even: 0 and pi of a relative azimuth.
+    apart : int
+        How many of the last knots are averages of other cells: taken as they are, linearly, by no cubic.
+
+    Returns
+    -------
+    index : ndarray of int64 (N, S)
+    weight : ndarray (N, S)
+    """
+    whole, source = knots, np.arange(knots.size)
+    inner = knots[: knots.size - apart]
+    extended, origin = inner, source[: inner.size]
+    if inner.size >= 3:
+        for centre in even:
+            if apart and centre > inner[-1]:
+                continue
+            two = np.arange(2) if centre <= inner[0] else np.arange(inner.size - 2, inner.size)
+            mirrored = 2.0 * centre - inner[two]
+            fresh = ~np.isclose(mirrored, inner[two], atol=1e-12)
+            extended, origin = np.concatenate([extended, mirrored[fresh]]), np.concatenate([origin, two[fresh]])
+        order = np.argsort(extended)
+        extended, origin = extended[order], origin[order]
+    size = min(4, extended.size)
+    start = np.clip(np.searchsorted(extended, x, side="right") - size // 2, 0, extended.size - size)
+    at = start[:, None] + np.arange(size)
+    index, weight = origin[at], _lagrange(extended[at], x)
+    exact = np.isclose(extended[at], x[:, None], rtol=0.0, atol=1e-12)
+    hit = exact.any(axis=1)
+    weight[hit] = exact[hit] / exact[hit].sum(axis=1, keepdims=True)
+    if apart:
+        late = x > inner[-1]
+        k = np.clip(np.searchsorted(whole, x[late], side="right"), inner.size, whole.size - 1)
+        share = np.clip((x[late] - whole[k - 1]) / (whole[k] - whole[k - 1]), 0.0, 1.0)
+        index[late], weight[late] = inner.size - 1, 0.0
+        index[late, 0], index[late, 1] = k - 1, k
+        weight[late, 0], weight[late, 1] = 1.0 - share, share
+    return index, weight
+
+
+def _lagrange(nodes: Array, x: Array) -> Array:
+    """Return Lagrange weights (N, S) at x (N,) for nodes (N, S)."""
+    weight = np.ones_like(nodes)
+    for k in range(nodes.shape[1]):
+        for j in range(nodes.shape[1]):
+            if j != k:
+                weight[:, k] *= (x - nodes[:, j]) / (nodes[:, k] - nodes[:, j])
+    return weight
+
+
+def matrix(knots: Array, x: Array, *, even: tuple[float, ...] = (), apart: int = 0) -> Array:
+    """Return the interpolation (N, K) as a dense matrix."""
+    index, weight = stencil(knots, x, even=even, apart=apart)
+    dense = np.zeros((x.size, knots.size))
+    np.add.at(dense, (np.arange(x.size)[:, None], index), weight)
+    return dense
+
+
+def to_log(values: Array, floor: float) -> Array:
+    """Return what is interpolated: log(f + floor/100), which stays finite where nothing reflects."""
+    return np.log(np.maximum(values, 0.0) + 0.01 * floor)
+
+
+def from_log(logs: Array, floor: float) -> Array:
+    """Invert `to_log`."""
+    return np.maximum(np.exp(np.minimum(logs, 700.0)) - 0.01 * floor, 0.0)
+
+
+def choose(
+    x: Array, lines: Array, tolerance: float, floor: float, *, even: tuple[float, ...] = (), apart: int = 0
+) -> tuple[NDArray[np.int64], float]:
+    """Return which positions of an axis to keep, and the largest error of the others.
+
+    Starting from a few, the middle of each gap whose positions miss the tolerance is added until none does.
+
+    Parameters
+    ----------
+    x : ndarray (N,)
+        All positions.
+    lines : ndarray (N, M, C)
+        Values along the axis on M lines, 1/sr.
+    tolerance : float
+        Largest error allowed, relative to the largest channel or the floor.
+    floor : float
+        1/sr.
+    even, apart
+        As in `stencil`.
+
+    Returns
+    -------
+    kept : ndarray of int64 (K,)
+        Increasing; always with both ends.
+    error : float
+        Largest error over all lines and positions left out.
+    """
+    n = x.size
+    kept = np.unique(np.round(np.linspace(0, n - 1, min(FIRST, n))).astype(np.int64))
+    kept = np.union1d(kept, np.arange(n - 1 - apart, n)) if apart else kept
+    logs = to_log(lines, floor).reshape(n, -1)
+    scale = np.maximum(lines.max(axis=-1), floor)
+    while True:
+        found = from_log(matrix(x[kept], x, even=even, apart=apart) @ logs[kept], floor).reshape(lines.shape)
+        error = (np.abs(found - lines).max(axis=-1) / scale).max(axis=1)
+        worst = float(error.max(initial=0.0))
+        if worst <= tolerance or kept.size == n or not math.isfinite(worst):
+            return (kept, worst) if math.isfinite(worst) else (np.arange(n), 0.0)
+        left = np.setdiff1d(np.flatnonzero(error > tolerance), kept)
+        gap = np.searchsorted(kept, left)
+        middles = [(kept[g - 1] + kept[g]) // 2 for g in np.unique(gap)]
+        kept = np.union1d(kept, middles)

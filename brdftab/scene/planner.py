@@ -1,0 +1,250 @@
+"""From a material of a scene to its plan."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brdftab.engine import Engine
+from brdftab.errors import ParameterError
+from brdftab.evaluation import is_stochastic
+from brdftab.grid import Grid
+from brdftab.models.setup import Setup, luminance
+from brdftab.scene import albedo, layers
+from brdftab.scene.angles import quarter, reached
+from brdftab.scene.plan import SHARES, Item, Plan, Planned
+from brdftab.scene.reduce import Probes, reduced
+from brdftab.scene.resolution import keep
+from brdftab.scene.scene import Material, Scene
+from brdftab.tabulation import default_grid
+
+Array = NDArray[np.float64]
+PAIRS = 192
+# a share of the quadratures' own tolerance that estimates with noise ask, so that five standard errors stay below
+NOISE = 0.2
+
+
+def probes(grid: Grid, floor: float, count: int, seed: int) -> Probes:
+    """Return seeded pairs of directions at positions of a grid; few polar angles, a third near the mirror direction."""
+    rng = np.random.default_rng(seed)
+    inner = [
+        np.unique(np.concatenate([[0, n - 1], rng.integers(0, n, 8)])) for n in (grid.theta_i.size, grid.theta_o.size)
+    ]
+    ti = grid.theta_i[rng.choice(inner[0], count)]
+    to = grid.theta_o[rng.choice(inner[1], count)]
+    third = count // 3
+    to[:third] = grid.theta_o[np.searchsorted(grid.theta_o, ti[:third]).clip(0, grid.theta_o.size - 1)]
+    if grid.phi is not None:
+        phi = grid.phi[rng.integers(0, grid.phi.size, count)]
+        late = np.minimum(rng.geometric(0.2, third), grid.phi.size)
+        phi[:third] = grid.phi[grid.phi.size - late]
+        return _without_mirror(Probes(ti, to, phi, np.zeros(count), floor), grid)
+    assert grid.phi_i is not None
+    assert grid.phi_o is not None
+    pi_, po = (a[rng.integers(0, a.size, count)] for a in (grid.phi_i, grid.phi_o))
+    return _without_mirror(Probes(ti, to, po - pi_, pi_, floor), grid)
+
+
+def _without_mirror(found: Probes, grid: Grid) -> Probes:
+    """Leave out pairs whose cell holds the mirror direction: it may hold an average instead of a value."""
+    cells = {tuple(c) for c in grid.mirror_cells().tolist()}
+    place = {name: np.searchsorted(grid.axes[name], a) for name, a in _at(found, grid).items()}
+    kept = np.array([tuple(c) not in cells for c in np.stack([place[n] for n in grid.axis_names], axis=1).tolist()])
+    return Probes(found.theta_i[kept], found.theta_o[kept], found.phi[kept], found.phi_i[kept], found.floor)
+
+
+def _at(found: Probes, grid: Grid) -> dict[str, Array]:
+    """Return the pairs' positions by axis, a hair below so that a search finds the position itself."""
+    if grid.isotropic:
+        angles = {"theta_i": found.theta_i, "theta_o": found.theta_o, "phi": found.phi}
+    else:
+        phi_o = found.phi + found.phi_i
+        angles = {"theta_i": found.theta_i, "phi_i": found.phi_i, "theta_o": found.theta_o, "phi_o": phi_o}
+    return {name: a - 1e-9 for name, a in angles.items()}
+
+
+def budget(material: Material) -> tuple[float, float]:
+    """Return tolerance of a cell and floor (1/sr) that keep the albedo's error below its own tolerance, too.
+
+    An error below t f + t floor everywhere changes an albedo by at most t E + t pi floor; E of a colour reaches 1.1.
+    """
+    floor = material.floor
+    most = material.albedo_tolerance / (1.1 + math.pi * floor)
+    return min(material.tolerance, most), floor
+
+
+def _whole(material: Material, setup: Setup) -> Grid:
+    """Return the grid that would be taken without a plan."""
+    whole = Grid.resolve(material.grid or default_grid(setup))
+    if whole.isotropic and not setup.isotropic:
+        raise ParameterError(
+            f"{material.name}: grid = {material.grid} has three axes, but {setup.model.name} has a direction of its "
+            "own here; give theta_i x phi_i x theta_o x phi_o, as 15x24x15x24"
+        )
+    return whole
+
+
+def _saved(before: int, after: int) -> float:
+    return 1.0 - after / max(before, 1)
+
+
+def plan_material(material: Material) -> Planned:
+    """Plan one material.
+
+    Raises
+    ------
+    ParameterError
+        If its grid or ranges do not go with the model.
+    """
+    started = time.perf_counter()
+    setup = material.setup()
+    noisy = is_stochastic(setup)
+    if material.quantity == "albedo" and setup.isotropic and not noisy:
+        planned = Planned(material, albedo.plan(material, setup))
+        planned.seconds = time.perf_counter() - started
+        return planned
+    whole = _whole(material, setup)
+    near = reached(whole, material)
+    tolerance, floor = budget(material)
+    items = []
+    if near.size < whole.size:
+        saved = _saved(whole.size, near.size)
+        items.append(Item("directions", _told(whole, near), "exact", time=saved, size=saved))
+    rules = SHARES["rules"] * tolerance if not noisy else NOISE * tolerance
+    small, more, summed = reduced(setup, material, probes(near, floor, PAIRS, 1), tolerance)
+    items += more
+    computed = luminance(small) if summed else small
+    grid, symmetric = near, False
+    fourth = None if noisy else quarter(computed, near, rules)
+    if fourth is not None:
+        saved = _saved(near.size, fourth.size)
+        told = f"{fourth.shape[1]} of {near.shape[1]} azimuths of the light: the surface is symmetric about both axes"
+        items.append(Item("symmetry", told, "exact", time=saved, size=saved))
+        grid, symmetric = fourth, True
+    plan = Plan(
+        model=setup.model.name,
+        given=setup.parameters,
+        parameters=small.parameters,
+        luminance=summed,
+        quantity=material.quantity,
+        grid=grid,
+        full=near,
+        whole=whole,
+        symmetric=symmetric,
+        floor=floor,
+        tolerance=tolerance,
+        rules=rules,
+        dtype=material.dtype,
+        items=(*items, Item("rules", _rules(rules, noisy), "measured", *_both(5.0 * rules if noisy else rules))),
+    )
+    planned = Planned(material, plan)
+    if not noisy:
+        planned = resolved(planned, computed, 1.0)
+    planned.plan = replace(planned.plan, predicted=_bytes(planned.plan, setup) | planned.plan.predicted)
+    planned.seconds = time.perf_counter() - started
+    return planned
+
+
+def _rules(rules: float, noisy: bool) -> str:
+    if noisy:
+        return f"as many paths as a standard error of {rules:.1e} takes; stated are five of them"
+    return f"quadratures, nodes and modes for an error of {rules:.1e}"
+
+
+def _both(cell: float) -> tuple[float, float]:
+    """Return the error of a cell with the error of the albedo that it allows."""
+    return cell, 1.1 * cell
+
+
+def resolved(planned: Planned, setup: Setup, share: float) -> Planned:
+    """Choose the positions of a plan's table; `share` of what interpolation may cost is used."""
+    plan, started = planned.plan, time.perf_counter()
+    assert plan.full is not None
+    assert plan.grid is not None
+    engine = planned.engine or Engine(setup, plan.rules)
+    build = time.perf_counter() - started
+    items = tuple(item for item in plan.items if item.name != "resolution")
+    grid, apart, rate = plan.grid, 0, 0.0
+    if plan.full.isotropic and not plan.full.below:
+        allowed = SHARES["resolution"] * plan.tolerance
+        found = keep(engine, plan.full, share * allowed, plan.floor)
+        grid, rate = found.grid, found.rate
+        if grid.size < plan.full.size:
+            apart, saved = found.apart, _saved(plan.full.size, grid.size)
+            told = f"{'x'.join(map(str, grid.shape))} positions, with cubics in log f between them"
+            items = (*items, Item("resolution", told, "measured", *_both(allowed), time=saved, size=saved))
+    predicted = _predicted(replace(plan, grid=grid, items=items), build, rate)
+    new = replace(plan, grid=grid, apart=apart, items=items, predicted=plan.predicted | predicted)
+    return Planned(planned.material, new, engine, planned.seconds)
+
+
+def _predicted(plan: Plan, build: float, rate: float) -> dict[str, float]:
+    """Return the seconds that the table takes, and that of the whole grid without the plan."""
+    if rate == 0.0:
+        return {}
+    assert plan.grid is not None
+    assert plan.whole is not None
+    slower = 1.0
+    for item in plan.items:
+        if item.name in ("wavelengths", "bounces", "lobe"):
+            slower /= max(1.0 - item.time, 0.05)
+    halves = [0.5 if grid.square else 1.0 for grid in (plan.grid, plan.whole)]
+    return {
+        "seconds": build + rate * plan.grid.size * halves[0],
+        "seconds_unplanned": slower * (build + rate * plan.whole.size * halves[1]),
+    }
+
+
+def _bytes(plan: Plan, setup: Setup) -> dict[str, float]:
+    assert plan.grid is not None
+    assert plan.whole is not None
+    channels = 1 if plan.luminance else len(plan.setup().channels)
+    return {
+        "bytes": float(plan.grid.nbytes(channels, plan.dtype)),
+        "bytes_unplanned": float(plan.whole.nbytes(len(setup.channels), plan.dtype)),
+    }
+
+
+def _told(whole: Grid, near: Grid) -> str:
+    ends = []
+    for name in ("theta_i", "theta_o"):
+        axis = near.axes[name]
+        if axis.size < whole.axes[name].size:
+            ends.append(f"{name} {math.degrees(axis[0]):g} to {math.degrees(axis[-1]):g} degrees")
+    return "no light or view outside " + ", ".join(ends)
+
+
+def plan_scene(scene: Scene) -> list[Planned]:
+    """Plan all materials of a scene.
+
+    Raises
+    ------
+    ParameterError
+        If a material is malformed, or what the plan needs exceeds the scene's memory or files.
+    """
+    found = [layers.plan(m) if m.layers else plan_material(m) for m in scene.materials]
+    total = 0.0
+    for planned in found:
+        size = planned.plan.predicted.get("bytes", 0.0)
+        if 2.0 * size > scene.memory:
+            raise ParameterError(
+                f"memory = {scene.memory / 1e6:.3g} MB is too little for {planned.material.name}, which needs "
+                f"{2.0 * size / 1e6:.3g} MB; raise it, or the tolerance, or narrow the ranges"
+            )
+        total += size
+    if total > scene.files:
+        raise ParameterError(
+            f"files = {scene.files / 1e6:.3g} MB is too little for the scene's {total / 1e6:.3g} MB; raise it, or the "
+            "tolerance, or narrow the ranges"
+        )
+    return found
+
+
+def as_json(planned: Planned) -> dict[str, Any]:
+    """Return what is told of a planned material as plain JSON."""
+    return {"name": planned.material.name, "planning_s": planned.seconds, **planned.plan.to_json()}

@@ -1,0 +1,160 @@
+"""Setups that a scene cannot tell from the given one: fewer channels, wavelengths, bounces, lobes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brdftab.engine import Engine
+from brdftab.errors import ParameterError
+from brdftab.evaluation import ORDERS, is_stochastic
+from brdftab.materials.fresnel import metal
+from brdftab.models.setup import Setup, resolve
+from brdftab.scene.plan import SHARES, Item
+from brdftab.scene.scene import Material
+
+Array = NDArray[np.float64]
+# a stated error is this many times the largest that was measured on the probes
+SAFETY = 3.0
+# values without which a lobe is gone
+GONE = (("kd", 0.0), ("ior", 1.0), ("f0", 0.0))
+
+
+@dataclass(frozen=True)
+class Probes:
+    """Pairs of directions (N,) at positions of the full grid, and how errors count there."""
+
+    theta_i: Array
+    theta_o: Array
+    phi: Array
+    phi_i: Array
+    floor: float
+
+    def values(self, setup: Setup, tolerance: float, orders: int = 0) -> tuple[Array, float]:
+        """Return values (N, P, C) by direct evaluation, and the seconds that it took."""
+        engine = Engine(setup, tolerance, orders, fast=False)
+        started = time.perf_counter()
+        found = engine.points(self.theta_i, self.theta_o, self.phi, self.phi_i)
+        return found, time.perf_counter() - started
+
+    def error(self, found: Array, reference: Array) -> float:
+        """Return the largest difference (N, C), relative to the largest channel or the floor."""
+        scale = np.maximum(np.abs(reference).max(axis=1), self.floor)
+        return float((np.abs(found - reference).max(axis=1) / scale).max(initial=0.0))
+
+
+Found = tuple[Setup, Item] | None
+Step = Callable[[Setup, Material, Probes, float], Found]
+
+
+def equal_channels(setup: Setup, material: Material, probes: Probes | None, tolerance: float) -> Found:
+    """Give one number for three equal ones."""
+    if len(setup.channels) < 2 or material.quantity == "wavelengths":
+        return None
+    given = dict(setup.parameters)
+    for param in setup.model.params:
+        value = given.get(param.name)
+        if param.kind == "channels" and isinstance(value, list) and len(set(value)) == 1:
+            given[param.name] = value[0]
+    single = resolve(setup.model.name, **given)
+    if len(single.channels) != 1:
+        return None
+    told = f"{', '.join(setup.channels)} are equal: one channel stands for all"
+    return single, Item("channels", told, "exact", size=1.0 - 1.0 / len(setup.channels), time=0.0)
+
+
+def fewer_wavelengths(setup: Setup, material: Material, probes: Probes | None, tolerance: float) -> Found:
+    """Take as few wavelengths behind RGB as the tolerance allows."""
+    if setup.fresnel is None or setup.fresnel.spectral_error == 0.0 or material.wavelengths:
+        return None
+    if "spectral_samples" in setup.parameters:
+        return None
+    count, allowed = len(setup.fresnel.wavelengths), SHARES["wavelengths"] * tolerance
+    for samples in range(3, count):
+        error = SAFETY * metal(setup.parameters["material"], samples=samples).spectral_error
+        if error <= allowed:
+            fewer = resolve(setup.model.name, **{**setup.parameters, "spectral_samples": samples})
+            told = f"{samples} wavelengths stand behind the colour instead of {count}"
+            return fewer, Item("wavelengths", told, "measured", error, 1.1 * error, time=0.5 * (1.0 - samples / count))
+    return None
+
+
+def fewer_bounces(setup: Setup, material: Material, probes: Probes, tolerance: float) -> Found:
+    """Stop after the first bounce order beyond which nothing shows at any angle of the scene."""
+    model = setup.model
+    if model.components != ("order",) or not model.has("max_bounces") or setup.max_bounces is not None:
+        return None
+    parts, seconds = probes.values(setup, 0.1 * tolerance, ORDERS)
+    total = parts.sum(axis=1)
+    allowed = SHARES["bounces"] * tolerance
+    for cap in range(1, ORDERS + 1):
+        error = SAFETY * probes.error(parts[:, :cap].sum(axis=1), total)
+        if error <= allowed:
+            capped = resolve(model.name, **{**setup.parameters, "max_bounces": cap})
+            quick = probes.values(capped, 0.1 * tolerance)[1]
+            told = f"bounces beyond {cap} do not show between these lights and views"
+            saved = max(0.0, 1.0 - quick / max(seconds, 1e-9))
+            return capped, Item("bounces", told, "measured", error, 1.1 * error, time=saved)
+    return None
+
+
+def fewer_lobes(setup: Setup, material: Material, probes: Probes, tolerance: float) -> Found:
+    """Leave out a lobe whose weight is too small to show."""
+    model = setup.model
+    if model.components == ("order",) or len(model.components) < 2:
+        return None
+    reference: Array | None = None
+    for name, nothing in GONE:
+        value = setup.parameters.get(name)
+        if not model.has(name) or value is None or np.all(np.asarray(value) == nothing):
+            continue
+        try:
+            reduced = resolve(model.name, **{**setup.parameters, name: nothing})
+        except ParameterError:
+            continue
+        if reference is None:
+            reference, seconds = probes.values(setup, 0.1 * tolerance)
+        found, quick = probes.values(reduced, 0.1 * tolerance)
+        error = SAFETY * probes.error(np.broadcast_to(found[:, 0], reference[:, 0].shape), reference[:, 0])
+        if error <= SHARES["lobe"] * tolerance:
+            channels = 1.0 - len(reduced.channels) / len(setup.channels)
+            told = f"the lobe of {name} = {_short(value)} does not show beside the other"
+            saved = max(0.0, 1.0 - quick / max(seconds, 1e-9))
+            return reduced, Item("lobe", told, "measured", error, 1.1 * error, time=saved, size=channels)
+    return None
+
+
+def _short(value: Any) -> str:
+    return ",".join(f"{v:g}" for v in np.atleast_1d(np.asarray(value, dtype=float)))
+
+
+STEPS: tuple[Step, ...] = (equal_channels, fewer_wavelengths, fewer_lobes, fewer_bounces)
+
+
+def reduced(setup: Setup, material: Material, probes: Probes, tolerance: float) -> tuple[Setup, list[Item], bool]:
+    """Apply all steps.
+
+    Returns
+    -------
+    Setup
+        The reduced one, with its channels as they were.
+    list of Item
+    bool
+        Whether R, G and B are to be added up.
+    """
+    items: list[Item] = []
+    steps = (equal_channels, fewer_wavelengths) if is_stochastic(setup) else STEPS
+    for step in steps:
+        found = step(setup, material, probes, tolerance)
+        if found is not None:
+            setup, item = found
+            items.append(item)
+    summed = material.quantity == "luminance" and setup.channels == ("R", "G", "B")
+    if summed:
+        items.append(Item("channels", "R, G, B are added up to the luminance Y", "exact", size=2.0 / 3.0))
+    return setup, items, summed

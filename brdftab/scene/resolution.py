@@ -1,0 +1,143 @@
+"""How many positions a table needs: two slabs of the grid tell which ones interpolation gives back."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brdftab.engine import Engine
+from brdftab.evaluation import singular_setup
+from brdftab.grid import Grid
+from brdftab.scene.angles import part
+from brdftab.scene.knots import choose
+from brdftab.scene.lookup import EVEN, expanded
+from brdftab.scene.plan import Plan, added_up
+from brdftab.table import Table
+
+Array = NDArray[np.float64]
+# polar angles of the light and of the view, and azimuths, on which lines are drawn
+ROWS, COLUMNS, AZIMUTHS = 8, 30, 6
+# axes share what interpolation may cost; a part is kept back
+AXES = 4.0
+# lines that the choice looks at: at each position those that bend most, a few more at random
+BENT, MORE = 3, 64
+
+
+@dataclass(frozen=True)
+class Kept:
+    """Positions that are computed.
+
+    Attributes
+    ----------
+    grid : Grid
+        The part of the grid.
+    apart : int
+        Last azimuths that hold averages of cells.
+    error : float
+        Sum over the axes of the largest error on any line, relative.
+    rate : float
+        Seconds a cell.
+    """
+
+    grid: Grid
+    apart: int
+    error: float
+    rate: float
+
+
+def _spread(count: int, least: int) -> NDArray[np.int64]:
+    """Return up to `least` indices, the ends among them, the upper end denser."""
+    share = 1.0 - (1.0 - np.linspace(0.0, 1.0, min(least, count))) ** 1.5
+    return np.unique(np.round(share * (count - 1)).astype(np.int64))
+
+
+def _slab(engine: Engine, grid: Grid, picked: dict[str, NDArray[np.int64]]) -> Array:
+    """Return values (I, O, P, C) at some positions of each axis."""
+    axes = [grid.axes[name][picked[name]] if name in picked else grid.axes[name] for name in grid.axis_names]
+    out = np.empty((engine.layers, *(a.size for a in axes), len(engine.setup.channels)))
+    engine.fill(axes[0], axes[1], axes[2], out)
+    return out.sum(axis=0)
+
+
+def _bent(lines: Array, floor: float) -> Array:
+    """Return the lines (N, M, C) whose logarithm bends most at any position, and a few others."""
+    logs = np.log(lines.max(axis=-1) + 0.01 * floor)
+    if lines.shape[0] < 3 or lines.shape[1] <= BENT * lines.shape[0] + MORE:
+        return lines
+    bend = np.abs(np.diff(logs, 2, axis=0))
+    most = np.argpartition(bend, -BENT, axis=1)[:, -BENT:]
+    others = np.random.default_rng(0).integers(0, lines.shape[1], MORE)
+    return lines[:, np.union1d(most, others)]
+
+
+def keep(engine: Engine, grid: Grid, tolerance: float, floor: float) -> Kept:
+    """Choose the positions of an isotropic grid between which cubics in log f meet a tolerance.
+
+    Parameters
+    ----------
+    engine : Engine
+        Of the reduced setup.
+    grid : Grid
+        Positions that lights and camera reach.
+    tolerance : float
+        Relative error that interpolation may cause.
+    floor : float
+        1/sr.
+
+    Notes
+    -----
+    Lines along theta cross all lights, views and six azimuths, the mirror side among them; lines along phi cross eight
+    lights, their mirror views and others. Where the mirror direction is singular, polar angles are all kept, and the
+    last azimuth, whose cells hold averages, stands apart.
+    """
+    assert grid.phi is not None
+    allowed = tolerance / AXES
+    singular = singular_setup(engine.setup) is not None
+    apart = 1 if singular and grid.cell == "center" and grid.phi.size > 2 else 0
+    rows = _spread(grid.theta_i.size, ROWS)
+    mirrored = np.searchsorted(grid.theta_o, grid.theta_i[rows]).clip(0, grid.theta_o.size - 1)
+    columns = np.union1d(_spread(grid.theta_o.size, COLUMNS), mirrored)
+    started = time.perf_counter()
+    across = _slab(engine, grid, {"theta_i": rows, "theta_o": columns})
+    cells = across[..., 0].size
+    kept, error = {}, 0.0
+    lines = np.moveaxis(across, 2, 0).reshape(grid.phi.size, -1, across.shape[-1])
+    kept["phi"], worst = choose(grid.phi, _bent(lines, floor), allowed, floor, even=EVEN["phi"], apart=apart)
+    error += worst
+    if not singular:
+        azimuths = np.union1d(grid.phi.size - 1 - _spread(grid.phi.size, AZIMUTHS), [0, grid.phi.size - 1])
+        along = _slab(engine, grid, {"phi": azimuths})
+        cells += along[..., 0].size // (2 if grid.square and engine.setup.model.reciprocal else 1)
+        for axis, name in enumerate(("theta_i", "theta_o")):
+            lines = np.moveaxis(along, axis, 0).reshape(along.shape[axis], -1, along.shape[-1])
+            kept[name], worst = choose(grid.axes[name], _bent(lines, floor), allowed, floor)
+            error += worst
+        if grid.square:
+            kept["theta_i"] = kept["theta_o"] = np.union1d(kept["theta_i"], kept["theta_o"])
+    rate = (time.perf_counter() - started) / max(cells, 1)
+    return Kept(part(grid, kept), apart, error, rate)
+
+
+def largest_error(engine: Engine, table: Table, plan: Plan, seed: int) -> float:
+    """Return the largest error of looked-up values on a slab of the full grid that the choice did not see.
+
+    It crosses other lights and views, all azimuths; cells that may hold averages are left out.
+    """
+    full = plan.full
+    assert full is not None
+    rng = np.random.default_rng(seed)
+    picked = {}
+    for name, most in (("theta_i", ROWS), ("theta_o", COLUMNS)):
+        count = full.axes[name].size
+        picked[name] = np.sort(rng.choice(count, min(most, count), replace=False))
+    mirrored = np.searchsorted(full.theta_o, full.theta_i[picked["theta_i"]]).clip(0, full.theta_o.size - 1)
+    picked["theta_o"] = np.union1d(picked["theta_o"], mirrored)
+    right = added_up(_slab(engine, full, picked), plan.luminance)
+    found = expanded(table, full, picked)
+    if plan.apart:
+        right, found = right[:, :, : -plan.apart], found[:, :, : -plan.apart]
+    scale = np.maximum(np.abs(right).max(axis=-1), plan.floor)
+    return float((np.abs(found - right).max(axis=-1) / scale).max(initial=0.0))
