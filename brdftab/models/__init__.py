@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib
 import os
 import pkgutil
@@ -117,7 +118,12 @@ class Model:
 
 def _folders() -> dict[str, str]:
     """Map registry names (with dashes) to the folders that hold them."""
-    found = (m.name for m in pkgutil.iter_modules(__path__) if m.ispkg and m.name != PIECES)
+    return _listed(tuple(__path__))
+
+
+@functools.cache
+def _listed(paths: tuple[str, ...]) -> dict[str, str]:
+    found = (m.name for m in pkgutil.iter_modules(paths) if m.ispkg and m.name != PIECES)
     return {name.replace("_", "-"): name for name in sorted(found)}
 
 

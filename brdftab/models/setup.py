@@ -289,7 +289,8 @@ def luminance(setup: Setup) -> Setup:
     Others come back as they are: their RGB values are added up after the evaluation (`LUMINANCE`).
     """
     fresnel = setup.fresnel
-    if fresnel is None or setup.channels != fresnel.channels or setup.channels != ("R", "G", "B"):
+    coloured = any(np.size(setup.values.get(p.name)) > 1 for p in setup.model.params if p.kind == "channels")
+    if fresnel is None or coloured or not setup.channels == fresnel.channels == ("R", "G", "B"):
         return setup
     weights = fresnel.weights @ np.array(LUMINANCE)[:, None]
     return replace(setup, fresnel=replace(fresnel, weights=weights, channels=("Y",)), channels=("Y",))

@@ -35,6 +35,8 @@ PART = 0.5
 ATTEMPTS = (1.0, 0.3, None)
 # a table below this tolerance makes its mirror cells with the finer rule
 FINE_MIRROR = 3e-3
+# standard errors that are stated of estimates with noise
+SIGMAS = 5.0
 DEFINITION = (
     "largest channel difference to the unplanned model by direct evaluation, over the cell's largest channel or the "
     "plan's floor, the maximum over seeded pairs of positions of the unplanned grid, looked up in the planned table"
@@ -65,6 +67,12 @@ def drawn(plan: Plan, progress: Progress | None = None) -> Table:
         plan.model, plan.grid, dtype=plan.dtype, tolerance=plan.rules, progress=progress, **plan.parameters
     )
     spread = table.components[LAYER]
+    noise = SIGMAS * float(
+        (spread.max(axis=-1) / np.maximum(np.abs(table.values).max(axis=-1), plan.floor)).max(initial=0.0)
+    )
+    # a number of paths that was given decides the noise, not the tolerance
+    items = tuple(replace(i, cell=noise, albedo=1.1 * noise) if i.name == "rules" else i for i in plan.items)
+    plan = replace(plan, items=items)
     if plan.luminance:
         # channels share their paths: the errors add up at worst
         spread = (np.abs(spread) @ np.array(LUMINANCE))[..., None].astype(spread.dtype)

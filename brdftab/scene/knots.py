@@ -99,10 +99,10 @@ def choose(
     ----------
     x : ndarray (N,)
         All positions.
-    lines : ndarray (N, M, C)
+    lines : ndarray (N, M)
         Values along the axis on M lines, 1/sr.
     tolerance : float
-        Largest error allowed, relative to the largest channel or the floor.
+        Largest error allowed, relative to the value or the floor.
     floor : float
         1/sr.
     even, apart
@@ -118,15 +118,17 @@ def choose(
     n = x.size
     kept = np.unique(np.round(np.linspace(0, n - 1, min(FIRST, n))).astype(np.int64))
     kept = np.union1d(kept, np.arange(n - 1 - apart, n)) if apart else kept
-    logs = to_log(lines, floor).reshape(n, -1)
-    scale = np.maximum(lines.max(axis=-1), floor)
+    logs = to_log(lines, floor)
+    scale = np.maximum(lines, floor)
     while True:
-        found = from_log(matrix(x[kept], x, even=even, apart=apart) @ logs[kept], floor).reshape(lines.shape)
-        error = (np.abs(found - lines).max(axis=-1) / scale).max(axis=1)
+        rest = np.setdiff1d(np.arange(n), kept)
+        error = np.zeros(n)
+        found = from_log(matrix(x[kept], x[rest], even=even, apart=apart) @ logs[kept], floor)
+        error[rest] = (np.abs(found - lines[rest]) / scale[rest]).max(axis=1, initial=0.0)
         worst = float(error.max(initial=0.0))
         if worst <= tolerance or kept.size == n or not math.isfinite(worst):
             return (kept, worst) if math.isfinite(worst) else (np.arange(n), 0.0)
-        left = np.setdiff1d(np.flatnonzero(error > tolerance), kept)
+        left = np.flatnonzero(error > tolerance)
         gap = np.searchsorted(kept, left)
         middles = [(kept[g - 1] + kept[g]) // 2 for g in np.unique(gap)]
         kept = np.union1d(kept, middles)

@@ -12,18 +12,18 @@ from brdftab.engine import Engine
 from brdftab.evaluation import singular_setup
 from brdftab.grid import Grid
 from brdftab.scene.angles import part
-from brdftab.scene.knots import choose
+from brdftab.scene.knots import choose, to_log
 from brdftab.scene.lookup import EVEN, expanded
 from brdftab.scene.plan import Plan, added_up
 from brdftab.table import Table
 
 Array = NDArray[np.float64]
 # polar angles of the light and of the view, and azimuths, on which lines are drawn
-ROWS, COLUMNS, AZIMUTHS = 8, 30, 6
+ROWS, COLUMNS, AZIMUTHS = 8, 24, 6
 # axes share what interpolation may cost; a part is kept back
 AXES = 4.0
 # lines that the choice looks at: at each position those that bend most, a few more at random
-BENT, MORE = 3, 64
+BENT, MORE = 2, 48
 
 
 @dataclass(frozen=True)
@@ -63,11 +63,11 @@ def _slab(engine: Engine, grid: Grid, picked: dict[str, NDArray[np.int64]]) -> A
 
 
 def _bent(lines: Array, floor: float) -> Array:
-    """Return the lines (N, M, C) whose logarithm bends most at any position, and a few others."""
-    logs = np.log(lines.max(axis=-1) + 0.01 * floor)
+    """Return the largest channel (N, L) of the lines (N, M, C) that bend most at any position, and of a few others."""
+    lines = lines.max(axis=-1)
     if lines.shape[0] < 3 or lines.shape[1] <= BENT * lines.shape[0] + MORE:
         return lines
-    bend = np.abs(np.diff(logs, 2, axis=0))
+    bend = np.abs(np.diff(to_log(lines, floor), 2, axis=0))
     most = np.argpartition(bend, -BENT, axis=1)[:, -BENT:]
     others = np.random.default_rng(0).integers(0, lines.shape[1], MORE)
     return lines[:, np.union1d(most, others)]

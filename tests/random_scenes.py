@@ -1,0 +1,113 @@
+"""Random materials of random scenes, drawn from the registry's declarations: no list of models."""
+
+import math
+
+import numpy as np
+
+from brdftab import models
+from brdftab.errors import ParameterError
+from brdftab.evaluation import is_stochastic
+from brdftab.materials.indices import names as metals
+from brdftab.models.setup import resolve
+from brdftab.scene import parse
+
+
+def _reflectance(spec, rng):
+    """Return one source of the facets' reflectance."""
+    grey = bool(rng.random() < 0.25)
+
+    def three(low, high):
+        return [float(rng.uniform(low, high))] * 3 if grey else [float(x) for x in rng.uniform(low, high, 3)]
+
+    sources = []
+    if spec.has("material"):
+        sources += [{"material": str(rng.choice(metals()))}] * 3 + [{"material": "mirror"}]
+    if spec.has("eta"):
+        sources.append({"eta": three(0.2, 3.0), "k": three(0.5, 5.0)})
+    if spec.has("f0"):
+        sources.append({"f0": three(0.05, 0.95) if spec.has("material") else float(rng.uniform(0.02, 0.2))})
+    if spec.has("ior"):
+        sources.append({"ior": float(rng.uniform(1.1, 2.5))})
+    return sources[rng.integers(len(sources))] if sources else {}
+
+
+def _parameters(spec, rng, anisotropic):
+    given = _reflectance(spec, rng)
+    if spec.ndfs:
+        given["ndf"] = str(rng.choice(spec.ndfs))
+        rough = float(math.exp(rng.uniform(math.log(0.08), 0.0)))
+        both = given["ndf"] in ("beckmann", "ggx") and anisotropic
+        one = spec.roughness
+        given |= {f"{one}_x": rough, f"{one}_y": float(rough * rng.uniform(1.2, 2.0))} if both else {one: rough}
+    if spec.has("kd"):
+        scale = 1.0 if rng.random() < 0.7 else 1e-7
+        kd = float(rng.uniform(0.05, 0.9)) * scale
+        given["kd"] = [kd, kd, kd] if rng.random() < 0.5 else [float(x) for x in kd * rng.uniform(0.3, 1.0, 3)]
+    for param in spec.params:
+        if param.kind == "choice" and param.name not in ("ndf", "material", "estimator", *given):
+            given[param.name] = str(rng.choice(param.choices))
+    # narrow lobes and long traces cost time and show nothing more here
+    given |= {n: v for n, v in {"bins": 32, "rays": 128, "psi": 20.0, "nu": 20.0, "nv": 5.0}.items() if spec.has(n)}
+    return given
+
+
+def _ranges(rng, below):
+    """Return what lights and a camera see, degrees."""
+    light, low, width = rng.uniform(40.0, 90.0), rng.uniform(0.0, 50.0), rng.uniform(20.0, 60.0)
+    if below:
+        # a pane: lights from above
+        return [0.0, float(light)], [0.0, 180.0]
+    return [0.0, float(light)], [float(low), float(min(90.0, low + width))]
+
+
+def _keys(name, rng, below, anisotropic, grids):
+    spec = models.spec(name)
+    given = _parameters(spec, rng, anisotropic)
+    theta_i, theta_o = _ranges(rng, below)
+    quantity = str(rng.choice(["rgb", "rgb", "luminance", "albedo"]))
+    three, four, both = grids
+    return {
+        "model": name,
+        "parameters": given,
+        "theta_i": theta_i,
+        "theta_o": theta_o,
+        "quantity": quantity,
+        "tolerance": float(math.exp(rng.uniform(math.log(3e-3), math.log(5e-2)))),
+        "floor": float(rng.choice([1e-9, 1e-9, 1e-3])),
+        "grid": both if below else four if spec.grain or anisotropic else three,
+    }
+
+
+def draw(rng, names, grids):
+    """Return a random material without noise: grids of three and four axes, and one that reaches below."""
+    while True:
+        name = str(rng.choice(names))
+        try:
+            spec = models.spec(name)
+            given = _parameters(spec, rng, False)
+            turned = {n: math.radians(v) if n == "psi" else v for n, v in given.items()}
+            below = resolve(name, **turned).transmits
+            anisotropic = bool(spec.ndfs) and not below and rng.random() < 0.25
+            keys = _keys(name, rng, below, anisotropic, grids)
+            if (
+                below
+                != resolve(
+                    name, **{n: math.radians(v) if n == "psi" else v for n, v in keys["parameters"].items()}
+                ).transmits
+            ):
+                continue
+            material = parse({"material": [keys]}).materials[0]
+            if material.setup().isotropic == ("x" in keys["grid"] and keys["grid"].count("x") == 3) or is_stochastic(
+                material.setup()
+            ):
+                continue
+        except ParameterError:
+            continue
+        return material
+
+
+def scenes(count, seed, grids=("16x16x32", "6x8x6x8", "8x8+8x16"), names=None):
+    """Yield random materials, the same ones for a seed."""
+    rng = np.random.default_rng(seed)
+    for _ in range(count):
+        yield draw(rng, names or models.names(), grids)
