@@ -60,50 +60,34 @@ def _ranges(rng, below):
     return [0.0, float(light)], [float(low), float(min(90.0, low + width))]
 
 
-def _keys(name, rng, below, anisotropic, grids):
-    spec = models.spec(name)
-    given = _parameters(spec, rng, anisotropic)
+def _keys(name, given, rng, below, grid):
     theta_i, theta_o = _ranges(rng, below)
-    quantity = str(rng.choice(["rgb", "rgb", "luminance", "albedo"]))
-    three, four, both = grids
     return {
         "model": name,
         "parameters": given,
         "theta_i": theta_i,
         "theta_o": theta_o,
-        "quantity": quantity,
+        "quantity": str(rng.choice(["rgb", "rgb", "luminance", "albedo"])),
         "tolerance": float(math.exp(rng.uniform(math.log(3e-3), math.log(5e-2)))),
         "floor": float(rng.choice([1e-9, 1e-9, 1e-3])),
-        "grid": both if below else four if spec.grain or anisotropic else three,
+        "grid": grid,
     }
 
 
 def draw(rng, names, grids):
     """Return a random material without noise: grids of three and four axes, and one that reaches below."""
     while True:
-        name = str(rng.choice(names))
+        spec = models.spec(str(rng.choice(names)))
+        anisotropic = bool(spec.ndfs) and rng.random() < 0.25
+        given = _parameters(spec, rng, anisotropic)
         try:
-            spec = models.spec(name)
-            given = _parameters(spec, rng, False)
-            turned = {n: math.radians(v) if n == "psi" else v for n, v in given.items()}
-            below = resolve(name, **turned).transmits
-            anisotropic = bool(spec.ndfs) and not below and rng.random() < 0.25
-            keys = _keys(name, rng, below, anisotropic, grids)
-            if (
-                below
-                != resolve(
-                    name, **{n: math.radians(v) if n == "psi" else v for n, v in keys["parameters"].items()}
-                ).transmits
-            ):
+            setup = resolve(spec.name, **{n: math.radians(v) if n == "psi" else v for n, v in given.items()})
+            if is_stochastic(setup):
                 continue
-            material = parse({"material": [keys]}).materials[0]
-            if material.setup().isotropic == ("x" in keys["grid"] and keys["grid"].count("x") == 3) or is_stochastic(
-                material.setup()
-            ):
-                continue
+            grid = grids[1] if not setup.isotropic else grids[2] if setup.transmits else grids[0]
+            return parse({"material": [_keys(spec.name, given, rng, setup.transmits, grid)]}).materials[0]
         except ParameterError:
             continue
-        return material
 
 
 def scenes(count, seed, grids=("16x16x32", "6x8x6x8", "8x8+8x16"), names=None):

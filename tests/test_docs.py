@@ -63,6 +63,8 @@ def test_commands_run(page, folder):
     if name(page) == "README.md":
         # these two blocks are what a stranger runs on a fresh machine; CI runs the second
         text = text.replace(section(page, "Two commands"), "")
+    for file, body in re.findall(r"^```toml\n# (\S+\.toml)\n(.*?)^```", text, re.S | re.M):
+        Path(file).write_text(body)
     ran = 0
     for block in re.findall(r"^```bash\n(.*?)^```", text, re.S | re.M):
         for line in block.splitlines():
