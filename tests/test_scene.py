@@ -4,6 +4,7 @@ import json
 import math
 import multiprocessing
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from brdftab.grid import Grid
 from brdftab.scene import cache, carry_out, expand, interpolate, parse, plan_material, plan_scene, verify
 from brdftab.scene.albedo import interpolate_albedo
 from brdftab.scene.angles import part
+from brdftab.scene.carry import filled
 from brdftab.scene.knots import choose, matrix
 from brdftab.scene.lookup import expanded
 from brdftab.scene.plan import SHARES, Plan
@@ -125,6 +127,21 @@ def test_bounces_are_judged_at_the_angles_of_the_scene():
         plan = plan_material(material(**keys, theta_i=[0, reach], theta_o=[0, reach])).plan
         caps.append(plan.parameters.get("max_bounces", math.inf))
     assert caps[0] == 1 < caps[1]
+
+
+def test_one_bounce_is_enough_for_high_lights():
+    keys = {"model": "vgroove-sym", "grid": "6x4x6x4", "floor": 1e-2, "parameters": {"alpha_x": 0.15, "alpha_y": 0.25}}
+    one, plan, table = made(**keys)
+    assert 0 < plan.single < 6
+    assert verify(one, table)["holds"]
+    found = replace(plan, single=6)
+    # one bounce for all lights is seen
+    assert not verify(one, replace_plan(filled(found, None)[0], plan))["holds"]
+
+
+def replace_plan(table, plan):
+    table.provenance["plan"] = plan.to_json()
+    return table
 
 
 def test_a_faint_lobe_goes_and_a_visible_one_stays():

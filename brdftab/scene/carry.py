@@ -19,6 +19,7 @@ from brdftab.evaluation import is_stochastic
 from brdftab.models.setup import LUMINANCE, Setup, resolve
 from brdftab.provenance import machine
 from brdftab.scene import albedo
+from brdftab.scene.angles import part
 from brdftab.scene.lookup import interpolate
 from brdftab.scene.plan import Plan, Planned, added_up
 from brdftab.scene.planner import probes, resolved
@@ -47,9 +48,19 @@ def filled(plan: Plan, engine: Engine | None, progress: Progress | None = None) 
     """Return the table of a plan by quadrature, unchecked."""
     assert plan.grid is not None
     setup = plan.setup()
-    run = Run(setup, plan.grid, plan.dtype, plan.rules, 0, True, engine)
-    run.compute(MIRROR_NODES[1 if plan.tolerance < FINE_MIRROR else 0], progress)
-    values = added_up(run.total, plan.luminance)
+    rows = np.arange(plan.grid.theta_i.size)
+    blocks = [(setup, rows[plan.single :])] if plan.single < rows.size else []
+    if plan.single:
+        alone = replace(plan, parameters={**plan.parameters, "max_bounces": 1}).setup()
+        blocks.insert(0, (alone, rows[: plan.single]))
+    values, seconds = [], 0.0
+    for one, lights in blocks:
+        own = engine if one is setup else None
+        run = Run(one, part(plan.grid, {"theta_i": lights}), plan.dtype, plan.rules, 0, True, own)
+        run.compute(MIRROR_NODES[1 if plan.tolerance < FINE_MIRROR else 0], progress)
+        values.append(added_up(run.total, plan.luminance))
+        seconds += run.kernel_time
+    run.kernel_time = seconds
     channels = ("Y",) if plan.luminance else setup.channels
     provenance: dict[str, Any] = {
         "model": plan.model,
@@ -58,7 +69,7 @@ def filled(plan: Plan, engine: Engine | None, progress: Progress | None = None) 
         "components": False,
         "plan": plan.to_json(),
     }
-    return Table(values, plan.grid, channels, {}, None, provenance, __version__), run
+    return Table(np.concatenate(values), plan.grid, channels, {}, None, provenance, __version__), run
 
 
 def drawn(plan: Plan, progress: Progress | None = None) -> Table:

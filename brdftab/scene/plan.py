@@ -87,6 +87,8 @@ class Plan:
         The unplanned grid within the scene's ranges, to which the table can be expanded; the unplanned grid.
     cosines : int
         Cells of an albedo table.
+    single : int
+        For so many of the first polar angles of the light a single bounce is computed.
     symmetric : bool
         Whether a quarter of the light's azimuths stands for all.
     apart : int
@@ -110,6 +112,7 @@ class Plan:
     full: Grid | None
     whole: Grid | None
     cosines: int = 0
+    single: int = 0
     symmetric: bool = False
     apart: int = 0
     floor: float = 1e-9
@@ -146,6 +149,7 @@ class Plan:
             "full": None if self.full is None else self.full.to_json(),
             "whole": None if self.whole is None else self.whole.to_json(),
             "cosines": self.cosines,
+            "single": self.single,
             "symmetric": self.symmetric,
             "apart": self.apart,
             "floor": self.floor,
@@ -177,7 +181,18 @@ class Plan:
                 )
                 for i in data["items"]
             )  # fmt: skip
-            plain = ("model", "given", "parameters", "luminance", "quantity", "cosines", "symmetric", "apart", "floor")
+            plain = (
+                "model",
+                "given",
+                "parameters",
+                "luminance",
+                "quantity",
+                "cosines",
+                "single",
+                "symmetric",
+                "apart",
+                "floor",
+            )
             rest = ("tolerance", "rules", "dtype", "predicted")
             return cls(items=items, **grids, **{key: data[key] for key in (*plain, *rest)})
         except (KeyError, TypeError) as error:

@@ -18,7 +18,7 @@ from brdftab.models.setup import Setup, luminance
 from brdftab.scene import albedo, layers
 from brdftab.scene.angles import quarter, reached
 from brdftab.scene.plan import SHARES, Item, Plan, Planned
-from brdftab.scene.reduce import Probes, reduced
+from brdftab.scene.reduce import Probes, reduced, single_rows
 from brdftab.scene.resolution import keep
 from brdftab.scene.scene import Material, Scene
 from brdftab.tabulation import default_grid
@@ -126,6 +126,13 @@ def plan_material(material: Material) -> Planned:
         told = f"{fourth.shape[1]} of {near.shape[1]} azimuths of the light: the surface is symmetric about both axes"
         items.append(Item("symmetry", told, "exact", time=saved, size=saved))
         grid, symmetric = fourth, True
+    rows = 0
+    if not (noisy or grid.isotropic or grid.square):
+        # the half of a square grid that reciprocity gives is worth more
+        alone = single_rows(small, probes(near, floor, PAIRS, 1), tolerance, grid.theta_i)
+        if alone is not None:
+            rows, item = alone
+            items.append(item)
     plan = Plan(
         model=setup.model.name,
         given=setup.parameters,
@@ -135,6 +142,7 @@ def plan_material(material: Material) -> Planned:
         grid=grid,
         full=near,
         whole=whole,
+        single=rows,
         symmetric=symmetric,
         floor=floor,
         tolerance=tolerance,

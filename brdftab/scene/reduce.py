@@ -103,6 +103,46 @@ def fewer_bounces(setup: Setup, material: Material, probes: Probes, tolerance: f
     return None
 
 
+def single_rows(setup: Setup, probes: Probes, tolerance: float, lights: Array) -> tuple[int, Item] | None:
+    """Tell up to which polar angle of the light a single bounce is all that shows.
+
+    Parameters
+    ----------
+    setup : Setup
+        The reduced setup.
+    probes : Probes
+        Pairs at positions of the grid.
+    tolerance : float
+        As of the other steps.
+    lights : ndarray (N,)
+        Polar angles of the light, increasing.
+
+    Returns
+    -------
+    tuple or None
+        How many of `lights`, and the item; None where the split saves nothing.
+    """
+    model = setup.model
+    if model.components != ("order",) or not model.has("max_bounces") or setup.max_bounces == 1:
+        return None
+    parts, _ = probes.values(setup, 0.1 * tolerance, ORDERS)
+    total = parts.sum(axis=1)
+    scale = np.maximum(total.max(axis=1), probes.floor)
+    lost = SAFETY * np.abs(parts[:, 1:]).sum(axis=1).max(axis=1) / scale
+    allowed = SHARES["bounces"] * tolerance
+    seen = probes.theta_i[lost > allowed]
+    # up to the last light that was probed below the first at which more bounces show
+    quiet = probes.theta_i[probes.theta_i < seen.min(initial=np.inf) - 1e-9]
+    if quiet.size == 0:
+        return None
+    rows = int(np.searchsorted(lights, quiet.max() + 1e-9))
+    if not 0 < rows < lights.size:
+        return None
+    error = float(lost[probes.theta_i <= quiet.max()].max())
+    told = f"one bounce is all that shows of light up to {np.degrees(lights[rows - 1]):g} degrees"
+    return rows, Item("bounces", told, "measured", error, 1.1 * error, time=0.5 * rows / lights.size)
+
+
 def fewer_lobes(setup: Setup, material: Material, probes: Probes, tolerance: float) -> Found:
     """Leave out a lobe whose weight is too small to show."""
     model = setup.model
