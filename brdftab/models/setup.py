@@ -289,7 +289,7 @@ def luminance(setup: Setup) -> Setup:
     Others come back as they are: their RGB values are added up after the evaluation (`LUMINANCE`).
     """
     fresnel = setup.fresnel
-    coloured = any(np.size(setup.values.get(p.name)) > 1 for p in setup.model.params if p.kind == "channels")
+    coloured = any(np.asarray(setup.values.get(p.name)).size > 1 for p in setup.model.params if p.kind == "channels")
     if fresnel is None or coloured or not setup.channels == fresnel.channels == ("R", "G", "B"):
         return setup
     weights = fresnel.weights @ np.array(LUMINANCE)[:, None]
