@@ -99,7 +99,10 @@ def _fill_averages(
 
 
 class Run:
-    """One attempt at one tolerance: engine, values, cost."""
+    """One attempt at one tolerance: engine, values, cost.
+
+    Cells that are singular in `averaged` hold averages, by default those of the setup itself.
+    """
 
     def __init__(
         self,
@@ -110,9 +113,10 @@ class Run:
         orders: int,
         fast: bool,
         engine: Engine | None = None,
+        averaged: Setup | None = None,
     ) -> None:
         self.setup, self.grid, self.orders = setup, grid, orders
-        self.cells = _singular_cells(setup, grid)
+        self.cells = _singular_cells(averaged or setup, grid)
         self.nodes = 0
         started = time.perf_counter()
         self.engine = engine or Engine(setup, tolerance, orders, fast)

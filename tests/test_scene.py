@@ -130,11 +130,16 @@ def test_bounces_are_judged_at_the_angles_of_the_scene():
 
 
 def test_one_bounce_is_enough_for_high_lights():
-    keys = {"model": "vgroove-sym", "grid": "6x4x6x4", "floor": 1e-2, "parameters": {"alpha_x": 0.15, "alpha_y": 0.25}}
+    keys = {
+        "model": "vgroove-sym",
+        "grid": "9x16x9x16",
+        "floor": 1e-2,
+        "parameters": {"alpha_x": 0.15, "alpha_y": 0.25},
+    }
     one, plan, table = made(**keys)
-    assert 0 < plan.single < 6
+    assert 0 < plan.single < 9
     assert verify(one, table)["holds"]
-    found = replace(plan, single=6)
+    found = replace(plan, single=9)
     # one bounce for all lights is seen
     assert not verify(one, replace_plan(filled(found, None)[0], plan))["holds"]
 

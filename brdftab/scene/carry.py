@@ -14,14 +14,16 @@ from brdftab import models
 from brdftab._version import __version__
 from brdftab.albedos import AlbedoTable
 from brdftab.attempts import MIRROR_NODES, Run
+from brdftab.cells import mirror_average
 from brdftab.engine import Engine, Progress
-from brdftab.evaluation import is_stochastic
+from brdftab.estimate import cell_angles
+from brdftab.evaluation import is_stochastic, singular_setup
 from brdftab.models.setup import LUMINANCE, Setup, resolve
 from brdftab.provenance import machine
 from brdftab.scene import albedo
 from brdftab.scene.angles import part
 from brdftab.scene.lookup import interpolate
-from brdftab.scene.plan import Plan, Planned, added_up
+from brdftab.scene.plan import Item, Plan, Planned, added_up
 from brdftab.scene.planner import probes, resolved
 from brdftab.scene.resolution import largest_error
 from brdftab.stochastic import LAYER
@@ -32,12 +34,14 @@ Array = NDArray[np.float64]
 CHECKS = 256
 # the check may find this share of what is promised; a maximum over all cells exceeds one over a few
 PART = 0.5
-# shares of what interpolation may cost in each attempt; None takes every position
-ATTEMPTS = (1.0, 0.3, None)
+# share of what interpolation may cost in a second attempt
+FINER = 0.3
 # a table below this tolerance makes its mirror cells with the finer rule
 FINE_MIRROR = 3e-3
 # standard errors that are stated of estimates with noise
 SIGMAS = 5.0
+# cells that hold averages among those that are checked
+MIRRORS = 4
 DEFINITION = (
     "largest channel difference to the unplanned model by direct evaluation, over the cell's largest channel or the "
     "plan's floor, the maximum over seeded pairs of positions of the unplanned grid, looked up in the planned table"
@@ -48,16 +52,20 @@ def filled(plan: Plan, engine: Engine | None, progress: Progress | None = None) 
     """Return the table of a plan by quadrature, unchecked."""
     assert plan.grid is not None
     setup = plan.setup()
+    # cells that hold averages do so whatever is left out
+    whole = resolve(plan.model, **plan.given)
     rows = np.arange(plan.grid.theta_i.size)
     blocks = [(setup, rows[plan.single :])] if plan.single < rows.size else []
     if plan.single:
         alone = replace(plan, parameters={**plan.parameters, "max_bounces": 1}).setup()
         blocks.insert(0, (alone, rows[: plan.single]))
+    # wide cells of four axes take the finer rule, too
+    fine = plan.tolerance < FINE_MIRROR or not plan.grid.isotropic
     values, seconds = [], 0.0
     for one, lights in blocks:
         own = engine if one is setup else None
-        run = Run(one, part(plan.grid, {"theta_i": lights}), plan.dtype, plan.rules, 0, True, own)
-        run.compute(MIRROR_NODES[1 if plan.tolerance < FINE_MIRROR else 0], progress)
+        run = Run(one, part(plan.grid, {"theta_i": lights}), plan.dtype, plan.rules, 0, True, own, whole)
+        run.compute(MIRROR_NODES[1 if fine else 0], progress)
         values.append(added_up(run.total, plan.luminance))
         seconds += run.kernel_time
     run.kernel_time = seconds
@@ -108,17 +116,23 @@ def check(table: Table, plan: Plan, seed: int = 2) -> dict[str, Any]:
     found = interpolate(table, pairs.theta_i, pairs.theta_o, pairs.phi, phi_i=pairs.phi_i)
     if found.shape[1] < reference.shape[1]:
         found = np.broadcast_to(found, reference.shape)
+    angles = np.stack([pairs.theta_i, pairs.theta_o, pairs.phi, pairs.phi_i])
+    mirror = _mirror_cells(table, plan, setup)
+    if mirror is not None:
+        angles, found, reference = (
+            np.concatenate(both, axis=-1 if n == 0 else 0)
+            for n, both in enumerate(zip((angles, found, reference), mirror, strict=True))
+        )
     scale = np.maximum(np.abs(reference).max(axis=1), plan.floor)
     error = np.abs(found - reference).max(axis=1) / scale
     worst = int(np.argmax(error))
-    angles = (pairs.theta_i, pairs.theta_o, pairs.phi, pairs.phi_i)
     return {
         "tolerance": plan.tolerance,
         "estimate": float(error[worst]),
         "p95": float(np.quantile(error, 0.95)),
         "rms": float(math.sqrt(np.mean(error * error))),
         "cells": int(error.size),
-        "mirror_cells": 0,
+        "mirror_cells": 0 if mirror is None else int(mirror[0].shape[1]),
         "worst_degrees": [math.degrees(a[worst]) for a in angles],
         "definition": DEFINITION,
         "promised": plan.cell_error,
@@ -127,11 +141,27 @@ def check(table: Table, plan: Plan, seed: int = 2) -> dict[str, Any]:
     }
 
 
+def _mirror_cells(table: Table, plan: Plan, setup: Setup) -> tuple[Array, Array, Array] | None:
+    """Return angles (4, K), looked-up and finer averages (K, C) of some cells that hold averages; None without any."""
+    assert plan.full is not None
+    if singular_setup(setup) is None or plan.full.cell != "center":
+        return None
+    cells = np.asarray(plan.full.mirror_cells()).reshape(-1, len(plan.full.shape))
+    if not len(cells):
+        return None
+    some = cells[np.unique(np.linspace(0, len(cells) - 1, MIRRORS).round().astype(int))]
+    engine = Engine(setup, min(0.1 * plan.rules, 1e-4), fast=False)
+    reference = added_up(mirror_average(engine, plan.full, some, MIRROR_NODES[0] + 1)[:, 0], plan.luminance)
+    ti, to, phi, az = cell_angles(plan.full, some)
+    found = interpolate(table, ti, to, phi, phi_i=az)
+    return np.stack([ti, to, phi, az]), np.broadcast_to(found, reference.shape), reference.astype(np.float64)
+
+
 def carry_out(planned: Planned, progress: Progress | None = None) -> Table | AlbedoTable:
     """Make the table of a planned material.
 
     Where the check finds more than half of the promised error, the table is made again with more positions, and at last
-    with all of them; the plan in the file is the one that was followed.
+    with all that the scene sees; the plan in the file is the one that was followed.
 
     Returns
     -------
@@ -145,18 +175,14 @@ def carry_out(planned: Planned, progress: Progress | None = None) -> Table | Alb
     if is_stochastic(plan.setup()):
         return drawn(plan, progress)
     kernel = 0.0
-    for share in ATTEMPTS:
-        if share is None:
-            planned = everywhere(planned)
-        elif share < 1.0:
-            planned = resolved(planned, plan.setup(), share)
+    for attempt in (as_it_is, finer, plain):
+        planned = attempt(planned)
         plan = planned.plan
         table, run = filled(plan, planned.engine, progress)
         kernel += run.kernel_time
         error = check(table, plan)
-        if plan.grid == plan.full or plan.symmetric:
-            break
-        if max(largest_error(run.engine, table, plan, 3), error["estimate"]) <= PART * plan.cell_error:
+        seen = largest_error(run.engine, table, plan, 3) if "resolution" in {i.name for i in plan.items} else 0.0
+        if max(seen, error["estimate"]) <= PART * plan.cell_error or not any(map(_doubtful, plan.items)):
             break
     setup: Setup = plan.setup()
     table.provenance |= {
@@ -176,12 +202,38 @@ def carry_out(planned: Planned, progress: Progress | None = None) -> Table | Alb
     return table
 
 
-def everywhere(planned: Planned) -> Planned:
-    """Return the plan with every position that symmetry does not give."""
+def _doubtful(item: Item) -> bool:
+    """Tell whether an item rests on probes and can be given up."""
+    return item.kind == "measured" and item.name != "rules"
+
+
+def as_it_is(planned: Planned) -> Planned:
+    """Return the plan."""
+    return planned
+
+
+def finer(planned: Planned) -> Planned:
+    """Return the plan with more positions, where it left some out."""
+    if not any(item.name == "resolution" for item in planned.plan.items):
+        return planned
+    return resolved(planned, planned.plan.setup(), FINER)
+
+
+def plain(planned: Planned) -> Planned:
+    """Return the plan with only what costs nothing left out."""
     plan = planned.plan
-    items = tuple(item for item in plan.items if item.name != "resolution")
+    setup = plan.setup()
+    given = plan.given
+    if len(setup.channels) < len(resolve(plan.model, **given).channels) and not plan.luminance:
+        # equal channels stay one
+        given = {
+            name: plan.parameters.get(name, value) if isinstance(value, list) else value
+            for name, value in given.items()
+        }
+    items = tuple(item for item in plan.items if not _doubtful(item))
     grid = plan.grid if plan.symmetric else plan.full
-    return Planned(planned.material, replace(plan, grid=grid, apart=0, items=items), planned.engine, planned.seconds)
+    new = replace(plan, parameters=given, grid=grid, apart=0, single=0, items=items)
+    return Planned(planned.material, new, None, planned.seconds)
 
 
 def repeat(table: Table) -> Table:

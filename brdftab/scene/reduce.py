@@ -76,7 +76,7 @@ def fewer_wavelengths(setup: Setup, material: Material, probes: Probes | None, t
         return None
     count, allowed = len(setup.fresnel.wavelengths), SHARES["wavelengths"] * tolerance
     for samples in range(3, count):
-        error = SAFETY * metal(setup.parameters["material"], samples=samples).spectral_error
+        error = SAFETY * float(metal(setup.parameters["material"], samples=samples).spectral_error)
         if error <= allowed:
             fewer = resolve(setup.model.name, **{**setup.parameters, "spectral_samples": samples})
             told = f"{samples} wavelengths stand behind the colour instead of {count}"
