@@ -19,7 +19,7 @@ from brdftab.errors import BrdftabError, FileFormatError
 from brdftab.evaluation import ORDERS
 from brdftab.golden.quantities import QUANTITIES, tolerance_of
 from brdftab.golden.settings import directions, settings
-from brdftab.io.atomic import atomic, show
+from brdftab.io.atomic import atomic, check_target, show
 from brdftab.models.setup import component_names, resolve
 from brdftab.provenance import machine
 
@@ -30,6 +30,14 @@ SUFFIX = ".points.npz"
 RTOL = 1e-7
 # of the largest value of a quantity: cancelled sums leave this
 ATOL_PART = 1e-10
+# what stands along the axes of each quantity
+AXES = {
+    "values": "pair, channel",
+    "components": "pair, component, channel",
+    "albedo": "angle, channel",
+    "pdf": "pair",
+    "samples": "draw, (theta_o, phi_o, pdf, weight of each channel)",
+}
 
 
 @dataclass(frozen=True)
@@ -88,45 +96,43 @@ def write_points(model: str, path: Path, *, overwrite: bool = False) -> float:
     OutputExistsError, BrdftabError
         As `brdftab.io.atomic.atomic`.
     """
-    with atomic(path, overwrite=overwrite) as temporary:
-        started = time.perf_counter()
-        held = list(measured(model))
-        seconds = time.perf_counter() - started
-        head = {
-            "format": FORMAT,
-            "format_version": 1,
-            "version": __version__,
-            "model": model,
-            "rtol": RTOL,
-            "atol_part": ATOL_PART,
-            "units": "directions theta_i, theta_o, phi = phi_o - phi_i, phi_i in radians; values and densities in 1/sr",
-            "axes": {
-                "values": "pair, channel",
-                "components": "pair, component, channel",
-                "albedo": "angle, channel",
-                "pdf": "pair",
-                "samples": "draw, (theta_o, phi_o, pdf, weight of each channel)",
-            },
-            "machine": machine(),
-            "settings": [
-                {
-                    "label": h.label,
-                    "parameters": h.parameters,
-                    "channels": h.channels,
-                    "components": h.components,
-                    "tolerance": h.tolerance,
-                    "quantities": list(h.quantities),
-                }
-                for h in held
-            ],
-        }
-        arrays = {"metadata": np.array(json.dumps(head, allow_nan=False))}
-        for number, h in enumerate(held):
-            arrays[f"{number}.directions"] = h.directions
-            arrays |= {f"{number}.{name}": value for name, value in h.quantities.items()}
-        with open(temporary, "wb") as file:
-            np.savez_compressed(file, allow_pickle=False, **arrays)  # type: ignore[arg-type]  # names are data here
+    check_target(path, overwrite=overwrite)
+    started = time.perf_counter()
+    held = list(measured(model))
+    seconds = time.perf_counter() - started
+    arrays = {"metadata": np.array(json.dumps(_head(model, held), allow_nan=False))}
+    for number, h in enumerate(held):
+        arrays[f"{number}.directions"] = h.directions
+        arrays |= {f"{number}.{name}": value for name, value in h.quantities.items()}
+    with atomic(path, overwrite=overwrite) as temporary, open(temporary, "wb") as file:
+        np.savez_compressed(file, allow_pickle=False, **arrays)  # type: ignore[arg-type]  # names are data here
     return seconds
+
+
+def _head(model: str, held: list[Held]) -> dict[str, Any]:
+    """Return what a file says of itself beside its arrays."""
+    return {
+        "format": FORMAT,
+        "format_version": 1,
+        "version": __version__,
+        "model": model,
+        "rtol": RTOL,
+        "atol_part": ATOL_PART,
+        "units": "directions theta_i, theta_o, phi = phi_o - phi_i, phi_i in radians; values and densities in 1/sr",
+        "axes": AXES,
+        "machine": machine(),
+        "settings": [
+            {
+                "label": h.label,
+                "parameters": h.parameters,
+                "channels": h.channels,
+                "components": h.components,
+                "tolerance": h.tolerance,
+                "quantities": list(h.quantities),
+            }
+            for h in held
+        ],
+    }
 
 
 def read_points(path: Path) -> tuple[dict[str, Any], list[Held]]:
