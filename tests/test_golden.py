@@ -216,8 +216,8 @@ def test_malformed_lists_are_refused_in_one_line(tmp_path, text, error):
 def test_wrong_calls_are_refused(tmp_path):
     with pytest.raises(ParameterError, match="only = nonsense"):
         brdftab.check_golden(tmp_path, only=["nonsense*"])
-    with pytest.raises(BrdftabError, match="is no folder"):
-        brdftab.record_golden(tmp_path / "none")
+    with pytest.raises(BrdftabError, match="cannot make the folder"):
+        brdftab.record_golden(tmp_path / "none" / "of them")
     with pytest.raises(BrdftabError, match="is no folder"):
         brdftab.check_golden(HERE, only=["lambert*"], figure_dir=tmp_path / "none")
     (tmp_path / "SOURCES.json").write_text("[")

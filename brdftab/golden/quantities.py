@@ -51,7 +51,9 @@ def pdf(setup: Setup, directions: Array, tolerance: float) -> Array:
 
 def samples(setup: Setup, directions: Array, tolerance: float) -> Array:
     """Return (8, 3 + C): polar angle, azimuth, density and weights of directions drawn with a seed."""
-    drawn = sampling.sample(setup.model.name, DRAW_ANGLE, DRAWN, phi_i=DRAW_AZIMUTH, seed=DRAWN, **setup.parameters)
+    # the seed here is that of the draw, not that of a model's own estimates
+    given = {name: value for name, value in setup.parameters.items() if name != "seed"}
+    drawn = sampling.sample(setup.model.name, DRAW_ANGLE, DRAWN, phi_i=DRAW_AZIMUTH, seed=DRAWN, **given)
     held = np.column_stack([drawn.theta_o, drawn.phi_o, drawn.pdf, drawn.weight])
     # where a path ends below the horizon its direction means nothing
     return np.where(drawn.valid[:, None], held, 0.0)

@@ -68,7 +68,7 @@ def record_golden(
     Parameters
     ----------
     folder : str or path-like
-        An existing folder.
+        Made where its parent exists.
     only : sequence of str, optional
         File names or patterns to confine it to.
     overwrite : bool, optional
@@ -84,10 +84,16 @@ def record_golden(
     Raises
     ------
     BrdftabError
-        If there is no such folder, or a file cannot be written.
+        If the folder cannot be made, or a file cannot be written.
     FileFormatError, ParameterError
         If tables.toml is malformed, or a pattern fits no file.
     """
+    try:
+        Path(folder).mkdir(exist_ok=True)
+    except OSError as error:
+        raise BrdftabError(
+            f"cannot make the folder {show(folder)} ({error.strerror or error}); choose another path"
+        ) from error
     home = existing_folder(folder)
     wanted = {name: what for name, what in files_of(home, only).items() if overwrite or not (home / name).exists()}
     for number, (name, what) in enumerate(wanted.items()):
