@@ -130,6 +130,9 @@ def test_recorded_tables_hold_until_a_number_changes(folder):
     assert run("record", folder, *ONLY, "--overwrite", "--json").exit_code == 0
     assert (folder / "small.npz").stat().st_mtime_ns > stamp
     assert run("check", folder, *ONLY).exit_code == 0
+    # two processes share the files and give the same account
+    shared = brdftab.check_golden(folder, only=CHEAP, jobs=2)
+    assert [(r.file, r.status) for r in shared] == [("lambert.points.npz", "equal"), ("small.npz", "equal")]
 
 
 def test_a_changed_model_is_found_with_its_worst_cells(folder, monkeypatch):
@@ -220,6 +223,8 @@ def test_wrong_calls_are_refused(tmp_path):
         brdftab.record_golden(tmp_path / "none" / "of them")
     with pytest.raises(BrdftabError, match="is no folder"):
         brdftab.check_golden(HERE, only=["lambert*"], figure_dir=tmp_path / "none")
+    with pytest.raises(ParameterError, match="jobs = 0"):
+        brdftab.check_golden(HERE, only=["lambert*"], jobs=0)
     (tmp_path / "SOURCES.json").write_text("[")
     with pytest.raises(BrdftabError, match="SOURCES"):
         brdftab.record_golden(tmp_path, only=["lambert*"])

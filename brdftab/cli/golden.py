@@ -53,6 +53,7 @@ def record(folder: str, only: tuple[str, ...], overwrite: bool, as_json: bool) -
 @click.option("--figure-dir", metavar="DIR", help="Existing folder for a figure of each file that differs.")
 @click.option("--overwrite", is_flag=True, help="Replace existing figures.")
 @click.option("--stop", is_flag=True, help="End with the first file that does not hold.")
+@click.option("--jobs", type=int, default=1, help="Processes that share the models [default: 1].")
 @_json
 @click.pass_context
 def check(
@@ -62,6 +63,7 @@ def check(
     figure_dir: str | None,
     overwrite: bool,
     stop: bool,
+    jobs: int,
     as_json: bool,
 ) -> None:
     """Compute the golden tables of FOLDER again; exit status 0 when all hold, 1 when any does not, 2 on an error.
@@ -73,7 +75,7 @@ def check(
 
     with progress_bar("checking") as report:
         results = check_golden(
-            folder, only=only, figure_dir=figure_dir, overwrite=overwrite, stop=stop, progress=report
+            folder, only=only, figure_dir=figure_dir, overwrite=overwrite, stop=stop, jobs=jobs, progress=report
         )
     if as_json:
         click.echo(json.dumps([result.to_json() for result in results], indent=2, allow_nan=False))

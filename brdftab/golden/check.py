@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
+import multiprocessing
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from brdftab.comparison import compare, tolerances
 from brdftab.engine import Progress
-from brdftab.errors import BrdftabError
+from brdftab.errors import BrdftabError, ParameterError
 from brdftab.golden.differences import Differences, compare_points
 from brdftab.golden.differences import compare_tables as worst_of_tables
 from brdftab.golden.points import SUFFIX, Held, measure, read_points
@@ -22,6 +25,8 @@ from brdftab.models.setup import resolve
 from brdftab.table import Table
 from brdftab.tabulation import retabulate
 
+# path, model or entry of tables.toml, figure, whether a figure may be replaced
+_Task = tuple[Path, Any, Path | None, bool]
 EQUAL, DIFFERS, MISSING, BROKEN = "equal", "differs", "missing", "error"
 
 
@@ -73,6 +78,7 @@ def check_golden(
     figure_dir: str | os.PathLike[str] | None = None,
     overwrite: bool = False,
     stop: bool = False,
+    jobs: int = 1,
     progress: Progress | None = None,
 ) -> list[Checked]:
     """Compute again what a folder's golden tables hold, and compare.
@@ -89,6 +95,8 @@ def check_golden(
         Whether figures may replace existing ones.
     stop : bool, optional
         End with the first file that is not equal.
+    jobs : int, optional
+        Processes, at least 1; the files of one model stay together, so that its kernels are compiled once.
     progress : callable, optional
         Called with the finished share of the files.
 
@@ -106,18 +114,53 @@ def check_golden(
     """
     home = existing_folder(folder)
     drawings = None if figure_dir is None else existing_folder(figure_dir)
-    results = []
-    wanted = files_of(home, only)
-    for number, (name, what) in enumerate(wanted.items()):
+    if not (isinstance(jobs, int) and jobs >= 1):
+        raise ParameterError.out_of_range("jobs", jobs, "the whole numbers >= 1", "processes that share the files")
+    tasks: list[_Task] = []
+    for name, what in files_of(home, only).items():
         picture = None if drawings is None else drawings / f"{name.removesuffix('.npz').removesuffix('.exr')}.png"
         if picture is not None and picture.exists():
             check_target(picture, overwrite=overwrite)
-        results.append(_one(home / name, what, picture, overwrite))
+        tasks.append((home / name, what, picture, overwrite))
+    results = []
+    for number, result in enumerate(_in_turn(tasks) if jobs == 1 else _shared(tasks, jobs)):
+        results.append(result)
         if progress is not None:
-            progress((number + 1.0) / len(wanted))
-        if stop and results[-1].status != EQUAL:
+            progress((number + 1.0) / len(tasks))
+        if stop and result.status != EQUAL:
             break
-    return results
+    order = {path.name: number for number, (path, *_) in enumerate(tasks)}
+    return sorted(results, key=lambda result: order[result.file])
+
+
+def _in_turn(tasks: Sequence[_Task]) -> Iterator[Checked]:
+    """Check one file after the other."""
+    return (_one(*task) for task in tasks)
+
+
+def _shared(tasks: Sequence[_Task], jobs: int) -> Iterator[Checked]:
+    """Check in several processes, model by model, those with the largest files first."""
+    groups: dict[str, list[_Task]] = {}
+    for task in tasks:
+        groups.setdefault(task[1] if isinstance(task[1], str) else task[1].model, []).append(task)
+    size = {model: sum(t[0].stat().st_size for t in mine if t[0].exists()) for model, mine in groups.items()}
+    ordered = sorted(groups, key=lambda model: -size[model])
+    # threads of Numba do not survive a fork
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(jobs, mp_context=context, initializer=_share_threads, initargs=(jobs,)) as pool:
+        yield from itertools.chain.from_iterable(pool.map(_group, [groups[model] for model in ordered]))
+
+
+def _share_threads(jobs: int) -> None:
+    """Give each process its part of the threads."""
+    import numba
+
+    numba.set_num_threads(max(1, numba.get_num_threads() // jobs))
+
+
+def _group(tasks: Sequence[_Task]) -> list[Checked]:
+    """Check the files of one model."""
+    return list(_in_turn(tasks))
 
 
 def _one(path: Path, what: Any, picture: Path | None, overwrite: bool) -> Checked:
