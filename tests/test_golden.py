@@ -21,6 +21,7 @@ from brdftab.golden.quantities import QUANTITIES
 from brdftab.golden.record import files_of, read_sources
 from brdftab.golden.settings import directions, settings
 from brdftab.golden.tables import LIST, special_tables
+from brdftab.grid import Grid
 from brdftab.models.setup import resolve
 
 HERE = Path(__file__).parent / "golden"
@@ -50,6 +51,15 @@ def test_folder_holds_what_the_registry_and_the_list_ask_for():
     assert {Path(entry.file).suffix for entry in special_tables(HERE)} == {".exr", ".npz"}
 
 
+@pytest.mark.parametrize("entry", special_tables(HERE), ids=lambda entry: entry.file)
+def test_tables_are_those_of_the_list(entry):
+    made = brdftab.read(HERE / entry.file).provenance
+    assert (made["model"], made["tolerance"], made["components"]) == (entry.model, entry.tolerance, entry.components)
+    assert made["parameters"] == resolve(entry.model, **entry.in_radians()).parameters
+    if isinstance(entry.grid, str):
+        assert made["grid"] == "x".join(map(str, Grid.parse(entry.grid).shape))
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_points_cover_the_declaration(name):
     spec = models.spec(name)
@@ -59,10 +69,9 @@ def test_points_cover_the_declaration(name):
     assert {p.get("ndf") for p in given} >= set(spec.ndfs)
     for param in spec.params:
         if param.kind == "choice" and param.choices:
-            # a default need not stand among the parameters
-            seen = {p.get(param.name, param.default) for p in given}
-            refused = {c for c in param.choices if c not in seen}
-            assert not {c for c in refused if _taken(name, {param.name: c})}, param.name
+            # a default may stand as what it leads to
+            seen = {param.default, *(p.get(param.name) for p in given)}
+            assert not {c for c in set(param.choices) - seen if _taken(name, {param.name: c})}, param.name
     if spec.has("material"):
         for ndf in spec.ndfs or (None,):
             kinds = {resolve(name, **p).fresnel.kind for p in given if p.get("ndf") == ndf}

@@ -46,6 +46,14 @@ class Special:
     components: bool = False
     parameters: dict[str, Any] = field(default_factory=dict)
 
+    def in_radians(self) -> dict[str, Any]:
+        """Return the parameters as the API takes them."""
+        spec = models.spec(self.model)
+        return {
+            name: math.radians(value) if spec.param(name).unit == "rad" else value
+            for name, value in self.parameters.items()
+        }
+
 
 def special_tables(folder: Path) -> list[Special]:
     """Read the list of a folder; empty where there is none.
@@ -81,11 +89,6 @@ def special_tables(folder: Path) -> list[Special]:
 
 def write_special(entry: Special, folder: Path, *, overwrite: bool = False) -> None:
     """Tabulate one entry and write it into the folder; raises as `brdftab.tabulate` and `brdftab.write`."""
-    spec = models.spec(entry.model)
-    turned = {
-        name: math.radians(value) if spec.param(name).unit == "rad" else value
-        for name, value in entry.parameters.items()
-    }
     table = tabulate(
         entry.model,
         entry.grid,
@@ -93,6 +96,6 @@ def write_special(entry: Special, folder: Path, *, overwrite: bool = False) -> N
         dtype=entry.dtype,
         tolerance=entry.tolerance,
         components=entry.components,
-        **turned,
+        **entry.in_radians(),
     )
     write(table, folder / entry.file, overwrite=overwrite)
