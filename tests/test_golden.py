@@ -55,7 +55,9 @@ def test_folder_holds_what_the_registry_and_the_list_ask_for():
 def test_tables_are_those_of_the_list(entry):
     made = brdftab.read(HERE / entry.file).provenance
     assert (made["model"], made["tolerance"], made["components"]) == (entry.model, entry.tolerance, entry.components)
-    assert made["parameters"] == resolve(entry.model, **entry.in_radians()).parameters
+    # parameters that the model got since then stand at their defaults
+    again = resolve(entry.model, **made["parameters"])
+    assert again.parameters == resolve(entry.model, **entry.in_radians()).parameters
     if isinstance(entry.grid, str):
         assert made["grid"] == "x".join(map(str, Grid.parse(entry.grid).shape))
 
