@@ -186,7 +186,8 @@ def ladder(module: str) -> list[list[str]]:
     near = re.compile(rf"{re.escape(last[0])}\b")
     texts = {p: p.read_text() for p in sorted((ROOT / "tests").glob("test_*.py"))}
     ranked = sorted(texts, key=lambda p: (-len(telling.findall(texts[p])), -len(near.findall(texts[p]))))
-    related = [p for p in ranked if telling.search(texts[p])][:2] or [p for p in ranked if near.search(texts[p])][:1]
+    related = [p for p in ranked if telling.search(texts[p])][: 2 if names else 4]
+    related = related or [p for p in ranked if near.search(texts[p])][: 1 if names else 4]
     return rungs + [[*test, f"tests/{p.name}"] for p in related]
 
 
@@ -260,7 +261,7 @@ class Copy:
     def verdict(self, site: Site) -> dict[str, object]:
         """Spoil one token, climb the ladder until something notices, mend it, and say what noticed.
 
-        Only a rung that passes on the unspoilt sources counts.
+        Only a rung that passes on the unspoilt sources counts; `broken` is the number of those that do not.
         """
         started = time.perf_counter()
         path = path_of(site.module, self.root)
@@ -271,7 +272,7 @@ class Copy:
             raise SystemExit(f"{site.module}:{site.line} does not hold {site.before} there")
         lines[site.line - 1] = line[: site.column] + site.after + line[site.column + len(site.before) :]
         kernels = self.kernels_without(site.module)
-        noticed = ""
+        noticed, broken = "", 0
         for words in ladder(site.module):
             path.write_text("".join(lines))
             try:
@@ -282,8 +283,9 @@ class Copy:
             if not passes and self.passes_unspoilt(words):
                 noticed = next(w for w in reversed(words) if w.endswith((".npz", ".exr", ".py")))
                 break
+            broken += not passes
         seconds = round(time.perf_counter() - started, 1)
-        return {**asdict(site), "caught": bool(noticed), "by": noticed, "seconds": seconds}
+        return {**asdict(site), "caught": bool(noticed), "by": noticed, "broken": broken, "seconds": seconds}
 
 
 # ---------------------------------------------------------------- the account
