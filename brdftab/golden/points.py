@@ -105,7 +105,7 @@ def write_points(model: str, path: Path, *, overwrite: bool = False) -> float:
         arrays[f"{number}.directions"] = h.directions
         arrays |= {f"{number}.{name}": value for name, value in h.quantities.items()}
     with atomic(path, overwrite=overwrite) as temporary, open(temporary, "wb") as file:
-        np.savez_compressed(file, allow_pickle=False, **arrays)  # type: ignore[arg-type]  # names are data here
+        np.savez_compressed(file, allow_pickle=False, **arrays)
     return seconds
 
 
