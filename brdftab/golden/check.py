@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import multiprocessing
 import os
+import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
@@ -47,6 +48,8 @@ class Checked:
         What is missing or wrong, in one line; "" otherwise.
     figure : str or None
         Where the differences were drawn.
+    seconds : float
+        Run time, kernels compiled on the way included.
     """
 
     file: str
@@ -55,6 +58,7 @@ class Checked:
     rtol: float = 0.0
     message: str = ""
     figure: str | None = None
+    seconds: float = 0.0
 
     def to_json(self) -> dict[str, Any]:
         """Return it as a JSON-able dict."""
@@ -68,6 +72,7 @@ class Checked:
             "worst": [cell.to_json() for cell in self.found.worst],
             "message": self.message,
             "figure": self.figure,
+            "seconds": round(self.seconds, 3),
         }
 
 
@@ -135,7 +140,11 @@ def check_golden(
 
 def _in_turn(tasks: Sequence[_Task]) -> Iterator[Checked]:
     """Check one file after the other."""
-    return (_one(*task) for task in tasks)
+    for task in tasks:
+        started = time.perf_counter()
+        result = _one(*task)
+        result.seconds = time.perf_counter() - started
+        yield result
 
 
 def _shared(tasks: Sequence[_Task], jobs: int) -> Iterator[Checked]:
