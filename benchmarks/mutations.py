@@ -5,9 +5,10 @@
 
 Sites are constants and operators inside compiled functions, drawn with a seed, one module after the other, so that any
 first part of the list spreads over all modules that hold kernels. Of a constant one of its first three significant
-digits changes. Each mutant runs in a copy of the project against a ladder that ends with the first failure: the golden
-values of the models that import the module (fewest kernels first), their special tables, their cases, and the test
-files that name the module. Compiled kernels that do not depend on the module are taken over.
+digits changes. Each mutant runs in a copy of the project against a ladder that ends with the first failure: some golden
+values of the models that import the module, in plain Python, which needs no compiler; all golden values, compiled; the
+models' special tables, their cases, and the test files that name the module. Models with the fewest kernels come
+first, and compiled kernels that do not depend on the module are taken over.
 """
 
 from __future__ import annotations
@@ -35,6 +36,10 @@ OPERATORS = {
 }  # fmt: skip
 # longest that one rung of the ladder may take: a mutant that never ends is noticed
 PATIENCE = 900
+# of the rungs in plain Python, whose slow ones are left to the compiler
+HASTE = 240
+# pairs of directions that plain Python looks at: grazing, near the mirror side, anywhere, and near highlights
+FEW = (1, 2, 3, 5, 7, 10, 15, 18)
 # mutants that change no number that anyone can see: (module, text of the line, before, after) -> why
 EQUIVALENT: dict[tuple[str, str, str, str], str] = {}
 
@@ -176,7 +181,8 @@ def ladder(module: str) -> list[list[str]]:
     python = sys.executable
     call = "from brdftab.cli import main; main()"
     check = [python, "-c", call, "golden", "check", "tests/golden", "--stop", "--only"]
-    rungs = [[*check, f"{name}.points.npz"] for name in names]
+    rungs = [[python, "benchmarks/mutations.py", "--plain", name] for name in names]
+    rungs += [[*check, f"{name}.points.npz"] for name in names]
     listed = re.findall(r'file = "(\S+)"\nmodel = "(\S+)"', (ROOT / "tests/golden/tables.toml").read_text())
     rungs += [[*check, file] for name in names for file, model in listed if model == name]
     test = [python, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider"]
@@ -191,6 +197,26 @@ def ladder(module: str) -> list[list[str]]:
     return rungs + [[*test, f"tests/{p.name}"] for p in related]
 
 
+def plain(model: str) -> int:
+    """Compare some golden values of a model without the compiler; return how many differ."""
+    from brdftab.golden.differences import relative
+    from brdftab.golden.points import SUFFIX, read_points
+    from brdftab.golden.quantities import components, pdf
+    from brdftab.models.setup import resolve
+
+    head, held = read_points(ROOT / "tests" / "golden" / f"{model}{SUFFIX}")
+    differing = 0
+    for golden in held:
+        setup, some = resolve(model, **golden.parameters), list(FEW)
+        at = golden.directions[:, some].copy()
+        for name, function in (("components", components), ("pdf", pdf)):
+            whole = golden.quantities[name]
+            atol = head["atol_part"] * float(abs(whole).max(initial=0.0))
+            now = function(setup, at, golden.tolerance)
+            differing += int((relative(whole[some], now, atol) > head["rtol"]).sum())
+    return differing
+
+
 class Copy:
     """A copy of the project in which one file at a time is spoilt."""
 
@@ -198,7 +224,7 @@ class Copy:
         self.root = folder / "project"
         self.base = folder / "kernels"
         self.edges = graph()
-        self.good: set[str] = set()
+        self.known: dict[str, bool] = {}
         self.base.mkdir()
         shutil.copytree(ROOT, self.root, ignore=shutil.ignore_patterns(".git", "__pycache__", "*.pyc", ".*cache"))
         # the copy drops stale kernels itself, so that the others stay
@@ -214,12 +240,16 @@ class Copy:
 
     def run(self, words: list[str], kernels: Path) -> bool:
         """Run a rung; return whether it passes."""
+        haste = "--plain" in words
         environment = {
             **os.environ, "PYTHONPATH": str(self.root), "NUMBA_CACHE_DIR": str(kernels), "PYTHONDONTWRITEBYTECODE": "1",
         }  # fmt: skip
+        if haste:
+            environment["NUMBA_DISABLE_JIT"] = "1"
+        limit = HASTE if haste else PATIENCE
         try:
             return not subprocess.run(
-                words, cwd=self.root, env=environment, capture_output=True, timeout=PATIENCE
+                words, cwd=self.root, env=environment, capture_output=True, timeout=limit
             ).returncode
         except subprocess.TimeoutExpired:
             return False
@@ -227,9 +257,9 @@ class Copy:
     def passes_unspoilt(self, words: list[str]) -> bool:
         """Tell whether a rung passes on the sources as they are; compiles what it needs."""
         key = " ".join(words)
-        if key not in self.good and self.run(words, self.base):
-            self.good.add(key)
-        return key in self.good
+        if key not in self.known:
+            self.known[key] = self.run(words, self.base)
+        return self.known[key]
 
     def take_over_kernels(self) -> None:
         """Start from what the project itself has compiled: numba names folders by their path."""
@@ -274,6 +304,9 @@ class Copy:
         kernels = self.kernels_without(site.module)
         noticed, broken = "", 0
         for words in ladder(site.module):
+            # what plain Python cannot do in time is asked of compiled kernels alone
+            if "--plain" in words and not self.passes_unspoilt(words):
+                continue
             path.write_text("".join(lines))
             try:
                 passes = self.run(words, kernels)
@@ -281,7 +314,7 @@ class Copy:
                 path.write_text(text)
                 os.utime(path, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
             if not passes and self.passes_unspoilt(words):
-                noticed = next(w for w in reversed(words) if w.endswith((".npz", ".exr", ".py")))
+                noticed = words[-1] if words[-1].endswith((".npz", ".exr", ".py")) else " ".join(words[-2:])
                 break
             broken += not passes
         seconds = round(time.perf_counter() - started, 1)
@@ -309,11 +342,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--sites", type=int, default=80, help="how many [default: 80]")
     parser.add_argument("--seed", type=int, default=1, help="seed of the draw [default: 1]")
-    parser.add_argument("--json", type=Path, required=True, help="file of results, a line each; appended")
+    parser.add_argument(
+        "--json", type=Path, default=Path("mutants.jsonl"), help="file of results, a line each; appended"
+    )
     parser.add_argument("--minutes", type=float, default=1e9, help="begin no mutant after so long")
     parser.add_argument("--module", default="", help="only modules in whose name this regular expression is found")
     parser.add_argument("--report", action="store_true", help="run nothing")
+    parser.add_argument("--plain", metavar="MODEL", help="only compare a model's values without the compiler")
     options = parser.parse_args()
+    if options.plain:
+        raise SystemExit(min(plain(options.plain), 1))
     started = time.perf_counter()
     results = [json.loads(line) for line in options.json.read_text().splitlines()] if options.json.exists() else []
     done = {(r["module"], r["line"], r["column"], r["after"]) for r in results}
