@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from brdftab import models, sampling
 from brdftab.engine import Engine
 from brdftab.evaluation import ORDERS, is_stochastic
-from brdftab.integrals import directional
+from brdftab.integrals import NODES, directional
 from brdftab.models.setup import Setup
 
 Array = NDArray[np.float64]
@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 TOLERANCE = 1e-3
 PASSING_TOLERANCE = 1e-2
 ALBEDO_ANGLES = (0.3, 1.2)
+# Gauss nodes a panel of the albedo's rule where azimuths count one by one, with ten times the panels
+NODES_OF_GRAIN = 3
 DRAWN, DRAW_ANGLE, DRAW_AZIMUTH = 8, 0.7, 0.4
 
 
@@ -41,7 +43,8 @@ def albedo(setup: Setup, directions: Array, tolerance: float) -> Array | None:
     if is_stochastic(setup):
         return None
     engine = Engine(setup, tolerance)
-    return np.array([directional(engine, angle, DRAW_AZIMUTH)[0] for angle in ALBEDO_ANGLES])
+    nodes = NODES if setup.isotropic else NODES_OF_GRAIN
+    return np.array([directional(engine, angle, DRAW_AZIMUTH, nodes)[0] for angle in ALBEDO_ANGLES])
 
 
 def pdf(setup: Setup, directions: Array, tolerance: float) -> Array:
