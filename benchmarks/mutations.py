@@ -7,7 +7,7 @@ Sites are constants and operators inside compiled functions, drawn with a seed, 
 first part of the list spreads over all modules that hold kernels. Of a constant one of its first three significant
 digits changes. Each mutant runs in a copy of the project against a ladder that ends with the first failure: some golden
 values of the models that import the module, in plain Python, which needs no compiler; all golden values, compiled; the
-models' special tables, their cases, and the test files that name the module. Models with the fewest kernels come
+models' cases, the test files that name the module, and the models' special tables. Models with the fewest kernels come
 first, and compiled kernels that do not depend on the module are taken over.
 """
 
@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import ast
+import itertools
 import json
 import os
 import random
@@ -184,9 +185,9 @@ def ladder(module: str) -> list[list[str]]:
     rungs = [[python, "benchmarks/mutations.py", "--plain", name] for name in names]
     rungs += [[*check, f"{name}.points.npz"] for name in names]
     listed = re.findall(r'file = "(\S+)"\nmodel = "(\S+)"', (ROOT / "tests/golden/tables.toml").read_text())
-    rungs += [[*check, file] for name in names for file, model in listed if model == name]
+    tables = [[*check, file] for name in names for file, model in listed if model == name]
     test = [python, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider"]
-    rungs += [[*test, "tests/test_cases.py", "-k", f"api and ({' or '.join(names)})"]] if names else []
+    cases = [[*test, "tests/test_cases.py", "-k", f"api and ({' or '.join(names)})"]] if names else []
     last = module.rsplit(".", 1)
     telling = re.compile(rf"{re.escape(module)}\b|from {re.escape(last[0])} import [^\n]*\b{last[1]}\b")
     near = re.compile(rf"{re.escape(last[0])}\b")
@@ -194,7 +195,7 @@ def ladder(module: str) -> list[list[str]]:
     ranked = sorted(texts, key=lambda p: (-len(telling.findall(texts[p])), -len(near.findall(texts[p]))))
     related = [p for p in ranked if telling.search(texts[p])][: 2 if names else 4]
     related = related or [p for p in ranked if near.search(texts[p])][: 1 if names else 4]
-    return rungs + [[*test, f"tests/{p.name}"] for p in related]
+    return rungs + cases + [[*test, f"tests/{p.name}"] for p in related] + tables
 
 
 def plain(model: str) -> int:
@@ -288,10 +289,11 @@ class Copy:
                 old.unlink()
         return made
 
-    def verdict(self, site: Site) -> dict[str, object]:
+    def verdict(self, site: Site, quick: bool) -> dict[str, object]:
         """Spoil one token, climb the ladder until something notices, mend it, and say what noticed.
 
-        Only a rung that passes on the unspoilt sources counts; `broken` is the number of those that do not.
+        `quick` climbs no further than plain Python. Only a rung that passes on the unspoilt sources counts; `broken` is
+        the number of those that do not.
         """
         started = time.perf_counter()
         path = path_of(site.module, self.root)
@@ -304,6 +306,8 @@ class Copy:
         kernels = self.kernels_without(site.module)
         noticed, broken = "", 0
         for words in ladder(site.module):
+            if quick and "--plain" not in words:
+                break
             # what plain Python cannot do in time is asked of compiled kernels alone
             if "--plain" in words and not self.passes_unspoilt(words):
                 continue
@@ -359,17 +363,22 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as folder:
             copy = Copy(Path(folder))
             copy.take_over_kernels()
-            for site in drawn(options.sites, options.seed):
+            for quick, site in itertools.product((True, False), drawn(options.sites, options.seed)):
                 known = (site.module, site.line, site.column, site.after) in done
                 if known or not re.search(options.module, site.module):
                     continue
                 if time.perf_counter() - started > 60.0 * options.minutes:
                     break
-                results.append(copy.verdict(site))
+                found = copy.verdict(site, quick)
+                if quick and not found["caught"]:
+                    # the second round, with the whole ladder, decides
+                    continue
+                done.add((site.module, site.line, site.column, site.after))
+                results.append(found)
                 with options.json.open("a") as file:
-                    file.write(json.dumps(results[-1]) + "\n")
+                    file.write(json.dumps(found) + "\n")
                 print(
-                    f"{site.module}:{site.line} {site.before} -> {site.after}: {results[-1]['by'] or 'NOT CAUGHT'}",
+                    f"{site.module}:{site.line} {site.before} -> {site.after}: {found['by'] or 'NOT CAUGHT'}",
                     flush=True,
                 )
     report(results)
