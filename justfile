@@ -23,12 +23,12 @@ format:
 docs:
     python docs/make.py
 
-# tabulate the golden tables anew; look at the differences before you commit them
-golden:
-    python tests/golden/make.py
+# write the golden tables anew; look at the differences before you commit them
+golden *args:
+    brdftab golden record tests/golden --overwrite {{args}}
 
 verify:
-    brdftab verify tests/golden/*.exr tests/golden/*.npz
+    brdftab golden check tests/golden
 
 bench:
     python benchmarks/vgroove_nonsym_tables.py

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from brdftab.evaluation import evaluate
     from brdftab.fitting.result import FitResult
     from brdftab.fitting.run import fit
+    from brdftab.golden.check import check_golden
+    from brdftab.golden.record import record_golden
     from brdftab.grid import Grid
     from brdftab.integrals import albedo
     from brdftab.io import read, write
@@ -33,6 +35,7 @@ _HOMES = {
     "Scratch": "brdftab.scratches.traced",
     "Table": "brdftab.table",
     "albedo": "brdftab.integrals",
+    "check_golden": "brdftab.golden.check",
     "compare": "brdftab.comparison",
     "evaluate": "brdftab.evaluation",
     "fit": "brdftab.fitting.run",
@@ -40,6 +43,7 @@ _HOMES = {
     "read": "brdftab.io",
     "read_albedo": "brdftab.albedos",
     "read_scratch": "brdftab.scratches.files",
+    "record_golden": "brdftab.golden.record",
     "sample": "brdftab.sampling",
     "tabulate": "brdftab.tabulation",
     "tabulate_albedo": "brdftab.albedos",
@@ -57,6 +61,7 @@ __all__ = [
     "Table",
     "__version__",
     "albedo",
+    "check_golden",
     "compare",
     "evaluate",
     "fit",
@@ -65,6 +70,7 @@ __all__ = [
     "read",
     "read_albedo",
     "read_scratch",
+    "record_golden",
     "sample",
     "tabulate",
     "tabulate_albedo",

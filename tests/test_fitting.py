@@ -282,7 +282,7 @@ def test_random_draws_of_the_box_are_recovered(merl_directions):
     rng = np.random.default_rng(12)
     angles = cells(merl_directions, 2000, 9)
     missed = []
-    for _ in range(100):
+    for _ in range(50):
         truth = {
             "kd": rng.uniform(0.0, 1.0, 3).tolist(),
             "ior": float(rng.uniform(1.0, 2.5)),
@@ -295,7 +295,7 @@ def test_random_draws_of_the_box_are_recovered(merl_directions):
         right = abs(found["sigma"] / truth["sigma"] - 1.0) < 0.01 and abs(found["ior"] - truth["ior"]) < 0.01
         if not (right and np.allclose(found["kd"], truth["kd"], atol=0.01)):
             missed.append((truth, found))
-    assert len(missed) <= 2, missed
+    assert len(missed) <= 1, missed
 
 
 # ---------------------------------------------------------------- errors that can be believed

@@ -17,7 +17,8 @@ from brdftab.errors import ParameterError
 from brdftab.models.microfacet.sampling import leave_groove, visible_slope
 from brdftab.models.setup import resolve
 
-MILLION = 1_000_000
+# a density 2 % wrong stands out with the first, 3 % with the second
+MILLION, SWEPT = 1_000_000, 400_000
 LEVEL = 0.01
 
 # ndf, roughness, theta_i and phi_i in degrees: small and large roughness, near normal to grazing, both anisotropies
@@ -77,6 +78,7 @@ def verdict(
     phi_i: float,
     perturb: Any = lambda theta_o, phi: 1.0,
     expected: dict[str, Any] | None = None,
+    count: int = MILLION,
 ) -> chisquare.Verdict:
     """Run one chi-square test; `perturb` scales the density and `expected` replaces its parameters."""
     ti, pi_ = math.radians(theta_i), math.radians(phi_i)
@@ -87,7 +89,7 @@ def verdict(
         return brdftab.pdf(model, ti, theta_o, phi, phi_i=pi_, **(expected or parameters)) * perturb(theta_o, phi)
 
     sets = []
-    for seed, n in ((1, 20_000), (2, MILLION)):
+    for seed, n in ((1, 20_000), (2, count)):
         theta_o, phi_o, valid = draw(model, parameters, ti, pi_, n, seed)
         assert np.all(theta_o[valid] < 0.5 * np.pi)
         assert np.all((phi_o >= 0) & (phi_o < 2 * np.pi))
@@ -101,12 +103,12 @@ def verdict(
         density = chisquare.in_grain_space(density)
     if singular:
         density = chisquare.in_half_space(density, ti, pi_)
-    return chisquare.check(sets[0], sets[1], MILLION - len(sets[1][0]), density, top, jumps=jumps)
+    return chisquare.check(sets[0], sets[1], count - len(sets[1][0]), density, top, jumps=jumps)
 
 
 @pytest.mark.parametrize(("model", "parameters", "theta_i", "phi_i"), CASES)
 def test_samples_follow_the_pdf(model: str, parameters: dict[str, Any], theta_i: float, phi_i: float) -> None:
-    result = verdict(model, parameters, theta_i, phi_i)
+    result = verdict(model, parameters, theta_i, phi_i, count=SWEPT)
     assert result.p_value > chisquare.sidak(LEVEL, len(CASES)), result
     assert result.integral <= 1 + 1e-3, result
 

@@ -133,6 +133,7 @@ def test_one_bounce_is_enough_for_high_lights():
     keys = {
         "model": "vgroove-sym",
         "grid": "9x16x9x16",
+        "theta_o": [0, 50],
         "floor": 1e-2,
         "parameters": {"alpha_x": 0.15, "alpha_y": 0.25},
     }

@@ -106,6 +106,19 @@ def test_base_gathers_the_room_as_its_brdf_does():
     assert np.allclose(out.mean(axis=0), 0.6 * mean, rtol=0.03)
 
 
+def test_base_turns_its_directions_with_the_view():
+    # one row, for a viewer at 45 degrees, of one direction
+    turns = np.linspace(0.0, 6.0, 20)
+    view, normal = vectors(np.full(20, 0.25 * math.pi), turns), np.tile([0.0, 0.0, 1.0], (20, 1))
+    drawn, out = vectors(0.6, 2.0)[None, None], np.zeros((20, 3))
+    add_base(np.ones(20), normal, view, drawn, np.ones((1, 1, 3)), LIGHTS, 1, 1, out)
+    expected = np.zeros((20, 3))
+    for n, (x, y, z) in enumerate(vectors(0.6, 2.0 + turns)):
+        add_radiance(x, y, z, np.ones(3), LIGHTS, expected[n])
+    assert np.ptp(expected, axis=0).min() > 0.1
+    assert np.allclose(out, expected, rtol=1e-9)
+
+
 @pytest.mark.parametrize("projection", picture.PROJECTIONS)
 def test_tangents_follow_the_texture(projection):
     sphere = picture.Sphere(parsed(), projection, 2.0)

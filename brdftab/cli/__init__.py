@@ -18,6 +18,7 @@ _COMMANDS = {
     "compare": "brdftab.cli.files:compare",
     "eval": "brdftab.cli.values:evaluate",
     "fit": "brdftab.cli.fitting:fit",
+    "golden": "brdftab.cli.golden:golden",
     "info": "brdftab.cli.files:info",
     "models": "brdftab.cli.registry:models",
     "plan": "brdftab.cli.scene:plan",

@@ -7,6 +7,8 @@ from brdftab.models.microfacet.params import FRESNEL_PARAMS
 
 PROFILES = "quartic:DEPTH, v:HALF_ANGLE, u:DEPTH[:EXPONENT], ellipse:DEPTH, flat or file:PATH"
 BINS = (8, 512)
+# golden tables: few rays are the same code, and a wide cone is seen from everywhere
+GOLDEN = {"bins": 32, "rays": 256, "psi": math.radians(20.0)}
 
 SPEC = Model(
     name="scratch",
