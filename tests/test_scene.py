@@ -134,7 +134,7 @@ def test_one_bounce_is_enough_for_high_lights():
         "model": "vgroove-sym",
         "grid": "9x16x9x16",
         "theta_o": [0, 50],
-        "floor": 1e-2,
+        "floor": 0.3,
         "parameters": {"alpha_x": 0.15, "alpha_y": 0.25},
     }
     one, plan, table = made(**keys)

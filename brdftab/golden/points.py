@@ -26,7 +26,7 @@ from brdftab.provenance import machine
 Array = NDArray[np.float64]
 FORMAT = "brdftab-golden"
 SUFFIX = ".points.npz"
-# two kinds of processor (with and without fused multiply-add) were 2e-10 apart at most; any change of a formula shows
+# rounding differs from processor to processor and grows in quadratures; a change of a formula is far larger
 RTOL = 1e-7
 # of the largest value of a quantity: cancelled sums leave this
 ATOL_PART = 1e-10
