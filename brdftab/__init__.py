@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from brdftab.scratches.traced import Scratch, trace_scratch
     from brdftab.table import Table
     from brdftab.tabulation import tabulate
+    from brdftab.validate.run import check
 
 _HOMES = {
     "AlbedoTable": "brdftab.albedos",
@@ -33,6 +34,7 @@ _HOMES = {
     "Scratch": "brdftab.scratches.traced",
     "Table": "brdftab.table",
     "albedo": "brdftab.integrals",
+    "check": "brdftab.validate.run",
     "compare": "brdftab.comparison",
     "evaluate": "brdftab.evaluation",
     "fit": "brdftab.fitting.run",
@@ -57,6 +59,7 @@ __all__ = [
     "Table",
     "__version__",
     "albedo",
+    "check",
     "compare",
     "evaluate",
     "fit",
