@@ -215,7 +215,7 @@ def checks(name: str) -> ModuleType | None:
 
     A module ``checks`` may have: ``TOLERANCE`` (at which the checks evaluate), ``CHEAP`` (settings that keep it quick),
     ``SETTINGS`` (extremes that no bound tells), ``FURNACE`` (settings that must return all light), ``SWITCHES``
-    (where it changes formula), and how much of it is enough where it is dear: ``THIN``, ``DIRECTIONS``, ``SCANS``,
+    (where it changes formula), ``SKIP`` and ``SKIP_FAST`` (why a property is not measured), and how much of it is enough where it is dear: ``THIN``, ``DIRECTIONS``, ``SCANS``,
     ``VARIANTS``, ``BOX`` (each by "fast" and "full").
 
     Raises

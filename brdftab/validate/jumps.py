@@ -14,10 +14,20 @@ Array = NDArray[np.float64]
 ORDER, STANDS_OUT = 6, 20.0
 # how many such places a line may have, and how many neighbours tell what is usual
 PLACES, AROUND = 2, 12
-PARTS, ROUNDS = 8, 13
+PARTS, ROUNDS, DEGREE = 12, 11, 4
 # values below this share of the line's largest are dark
 DARK = 1e-12
 TINY = 1e-300
+
+
+def _smooth_fit() -> tuple[Array, Array]:
+    """Return the matrix that leaves of steps what no polynomial of `DEGREE` follows, and its diagonal."""
+    basis = np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, PARTS), DEGREE))[0]
+    rest = np.eye(PARTS) - basis @ basis.T
+    return rest, np.diag(rest).copy()
+
+
+_REST, _FREE = _smooth_fit()
 
 
 @dataclass(frozen=True)
@@ -73,10 +83,10 @@ def closed_in(
         t = low[:, None] + (high - low)[:, None] * (np.arange(PARTS + 1) / PARTS)
         values = f(t.reshape(-1), np.repeat(line, PARTS + 1)).reshape(t.shape)
         steps = np.diff(values, axis=1)
-        beside = np.abs(steps - np.median(steps, axis=1, keepdims=True))
-        best = np.argmax(beside, axis=1)
-        rows = np.arange(low.size)
-        size = beside[rows, best] / np.maximum(np.abs(values).max(axis=1), TINY)
+        # what a smooth function leaves of the steps, by how much each step is free of the fit
+        rest, rows = steps @ _REST, np.arange(low.size)
+        best = np.argmax(np.abs(rest) / np.sqrt(_FREE), axis=1)
+        size = np.abs(rest[rows, best]) / _FREE[best] / np.maximum(np.abs(values).max(axis=1), TINY)
         low, high = t[rows, best], t[rows, best + 1]
         if (high - low <= 8.0 * np.spacing(np.maximum(np.abs(low), np.abs(high)))).all():
             break

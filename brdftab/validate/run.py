@@ -19,7 +19,11 @@ Progress = Callable[[float], None]
 def _row(name: str, subject: Subject) -> Row:
     """Measure one property of one model."""
     module = properties.module(name)
-    reason = module.reason(subject) if hasattr(module, "reason") else ""
+    reason = subject.said("SKIP", {}).get(name, "")
+    if not reason and subject.fast:
+        reason = subject.said("SKIP_FAST", {}).get(name, "")
+    if not reason and hasattr(module, "reason"):
+        reason = module.reason(subject)
     if reason:
         return Row(name, subject.model, skipped=reason)
     started = time.perf_counter()

@@ -24,9 +24,7 @@ TYPICAL = {"roughness": (0.05, 1.0), "f0": (0.02, 0.95), "ior": (1.05, 3.0), "kd
 
 def reason(subject: Subject) -> str:
     """Say why the property does not apply, if so."""
-    if not subject.has_twin:
-        return "the model has no twin, and is not fitted"
-    return str(subject.said("NO_STIFFNESS", ""))
+    return "" if subject.has_twin else "the model has no twin, and is not fitted"
 
 
 def range_of(subject: Subject, name: str) -> tuple[float, float]:
