@@ -3,6 +3,7 @@
 import json
 import math
 import shlex
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -253,3 +254,9 @@ def test_declared_switch_is_measured(monkeypatch):
     worst = report.rows[0].failing[0]
     assert worst.value == pytest.approx(1e-3, rel=0.01)
     assert worst.along[0] == "kd"
+
+
+def test_page_names_every_property():
+    page = (Path(__file__).resolve().parents[1] / "docs" / "check.md").read_text()
+    for name in properties.names():
+        assert f"| `{name}` |" in page

@@ -214,9 +214,10 @@ def checks(name: str) -> ModuleType | None:
     """Import and return what a model's folder says to `brdftab check` of itself, or None where it is silent.
 
     A module ``checks`` may have: ``TOLERANCE`` (at which the checks evaluate), ``CHEAP`` (settings that keep it quick),
-    ``SETTINGS`` (extremes that no bound tells), ``FURNACE`` (settings that must return all light), ``SWITCHES``
-    (where it changes formula), ``SKIP`` and ``SKIP_FAST`` (why a property is not measured), and how much of it is enough where it is dear: ``THIN``, ``DIRECTIONS``, ``SCANS``,
-    ``VARIANTS``, ``BOX`` (each by "fast" and "full").
+    ``SETTINGS`` (extremes that no bound tells), ``FURNACE`` (settings that must return all light), ``SWITCHES`` (where
+    it changes formula), ``SKIP`` and ``SKIP_FAST`` (why a property is not measured); and how much is enough where it is
+    dear, by "fast" and "full": ``THIN`` (every n-th setting), ``DIRECTIONS`` (every n-th), ``SCANS``, ``VARIANTS``,
+    ``BOX`` (how many), and for both ``TWIN_DIRECTIONS``.
 
     Raises
     ------
