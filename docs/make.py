@@ -29,7 +29,7 @@ CLI_HEAD = f"""# Command line
 Angles are degrees. Every command has `--help`; all take `--json` for output that a program reads. Results go to
 standard output, everything else to standard error.
 
-Exit status: 0 success; 1 tables differ (`compare`, `verify`), a property fails (`check`) or the command was interrupted;
+Exit status: 0 success; 1 tables differ (`compare`, `verify`), a property fails (`check`) or it was interrupted;
 2 an error, told in one line.
 
 ## Parameters of the models

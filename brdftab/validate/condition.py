@@ -93,6 +93,19 @@ def residual_jacobian(residual: str, values: Array, slopes: Array, cosine: Array
     return factor[:, None] * slopes[lit]
 
 
+def scaled_jacobian(setup: Setup, residual: str, angles: Angles, tolerance: float) -> Array:
+    """Return the derivatives (M, P) of a residual by the logarithms of the parameters."""
+    names = free_numbers(setup)
+    values, slopes = jacobian(setup, names, angles, tolerance)
+    return residual_jacobian(residual, values, slopes, np.cos(angles[0])) * sizes(setup, names)
+
+
+def sizes(setup: Setup, names: Sequence[str]) -> Array:
+    """Return the values (P,) of parameters."""
+    _, params = twins.split(setup)
+    return np.array([params[name][0] for name in names])
+
+
 def conditioning(setup: Setup, tolerance: float = 1e-2, angles: Angles | None = None) -> Conditioning:
     """Return the condition numbers of a setup's Jacobian for every residual.
 
@@ -108,8 +121,7 @@ def conditioning(setup: Setup, tolerance: float = 1e-2, angles: Angles | None = 
     at = fit_directions() if angles is None else angles
     names = free_numbers(setup)
     values, slopes = jacobian(setup, names, at, tolerance)
-    _, params = twins.split(setup)
-    scale = np.array([params[name][0] for name in names])
+    scale = sizes(setup, names)
     plain, scaled = {}, {}
     for residual in RESIDUALS:
         matrix = residual_jacobian(residual, values, slopes, np.cos(at[0]))

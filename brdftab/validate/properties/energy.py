@@ -29,10 +29,11 @@ def brightest(setup: Setup) -> Setup:
     return resolve(setup.model.name, **{**setup.parameters, "kd": bounds[1]})
 
 
-def albedos(setup: Setup, tolerance: float) -> list[tuple[float, np.ndarray]]:
-    """Return (theta_i, albedo (C,)) for the fixed lights, radians."""
+def albedos(setup: Setup, tolerance: float) -> list[tuple[float, float, np.ndarray]]:
+    """Return (theta_i, phi_i, albedo (C,)) for the fixed lights, radians; with a grain also along it."""
     engine = Engine(setup, max(tolerance, TOLERANCE))
-    return [(float(t), directional(engine, float(t), AZIMUTH)[0]) for t in np.radians(LIGHTS)]
+    azimuths = (AZIMUTH, 0.0) if setup.model.grain else (AZIMUTH,)
+    return [(float(t), a, directional(engine, float(t), a)[0]) for t in np.radians(LIGHTS) for a in azimuths]
 
 
 def findings(subject: Subject) -> Iterator[Finding]:
@@ -41,8 +42,8 @@ def findings(subject: Subject) -> Iterator[Finding]:
         if probe.projected:
             continue
         setup = brightest(probe.setup)
-        for theta, albedo in albedos(setup, probe.tolerance):
+        for theta, azimuth, albedo in albedos(setup, probe.tolerance):
             over = float(albedo.max()) - 1.0
-            where = (theta, theta, np.pi, AZIMUTH)
+            where = (theta, theta, np.pi, azimuth)
             bound = QUADRATURE
             yield Finding("energy", probe.model, over, bound, setup.parameters, where, "albedo at theta_i")

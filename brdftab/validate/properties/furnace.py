@@ -10,7 +10,7 @@ from brdftab.errors import ParameterError
 from brdftab.models.setup import resolve
 from brdftab.validate.finding import Finding
 from brdftab.validate.probe import Subject
-from brdftab.validate.properties.energy import AZIMUTH, QUADRATURE, albedos
+from brdftab.validate.properties.energy import QUADRATURE, albedos
 from brdftab.validate.settings import Given, thrifty
 
 MEANING = "distance of the albedo from 1 where F = 1 or nothing absorbs"
@@ -42,8 +42,8 @@ def findings(subject: Subject) -> Iterator[Finding]:
         except ParameterError:
             # a distribution that the choice refuses
             continue
-        for theta, albedo in albedos(setup, subject.tolerance):
+        for theta, azimuth, albedo in albedos(setup, subject.tolerance):
             off = float(np.abs(albedo - 1.0).max())
-            where = (theta, theta, np.pi, AZIMUTH)
+            where = (theta, theta, np.pi, azimuth)
             bound = QUADRATURE
             yield Finding("furnace", subject.model, off, bound, setup.parameters, where, "albedo at theta_i")

@@ -21,6 +21,8 @@ AZIMUTH = 0.4
 ERRORS = 5.0
 # relative error of the quadratures beside which the samples' noise is counted
 QUADRATURE = 1e-3
+# steps of either angle around a grain
+CONES = 512
 
 
 def reason(subject: Subject) -> str:
@@ -39,6 +41,18 @@ def features(theta_o: Array, phi: Array, theta_i: float) -> Array:
     return np.stack([np.ones_like(c), c, c * c, x, x * x, y * y, x * c, c**8, near, near * x])
 
 
+def nodes(setup: Setup, theta_i: float) -> tuple[Array, Array, Array]:
+    """Return views, their azimuths relative to the light, and solid angles: half vectors, or cones around the grain."""
+    if not setup.model.grain or setup.alpha_x != 1.0:
+        theta_o, phi, weight = half_vector_nodes(setup, theta_i, AZIMUTH, NODES)
+        return theta_o, phi, weight / np.cos(theta_o)
+    # no highlight's width is known: angle along the grain and around it
+    step = math.pi / CONES
+    t, p = (a.reshape(-1) for a in np.meshgrid(*[step * (np.arange(CONES) + 0.5) - 0.5 * math.pi] * 2, indexing="ij"))
+    azimuth = np.arctan2(np.cos(t) * np.sin(p), np.sin(t))
+    return np.arccos(np.cos(t) * np.cos(p)), azimuth - AZIMUTH, np.cos(t) * step * step
+
+
 def distances(setup: Setup, theta_i: float, drawn: Samples) -> Iterator[tuple[str, float]]:
     """Give (what, distance in standard errors over 5) of one set of samples."""
     count = drawn.valid.size
@@ -53,9 +67,8 @@ def distances(setup: Setup, theta_i: float, drawn: Samples) -> Iterator[tuple[st
     if walks:
         # the density of whole walks is approximate by declaration
         return
-    theta_o, phi, weight = half_vector_nodes(setup, theta_i, AZIMUTH, NODES)
+    theta_o, phi, measure = nodes(setup, theta_i)
     density = pdf(setup.model.name, theta_i, theta_o, phi, phi_i=AZIMUTH, **setup.parameters)
-    measure = weight / np.cos(theta_o)
     integral = features(theta_o, phi, theta_i) @ (density * measure)
     seen = features(drawn.theta_o, drawn.phi_o - AZIMUTH, theta_i) * drawn.valid
     noise = ERRORS * seen.std(axis=1) / math.sqrt(count) + QUADRATURE
