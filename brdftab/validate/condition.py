@@ -74,7 +74,7 @@ def jacobian(setup: Setup, names: Sequence[str], angles: Angles, tolerance: floa
     return values, np.stack(slopes, axis=1)
 
 
-def _condition(matrix: Array) -> float:
+def condition(matrix: Array) -> float:
     """Return the ratio of largest to smallest singular value; infinite where a parameter has no effect."""
     if not np.isfinite(matrix).all():
         return math.nan
@@ -125,7 +125,7 @@ def conditioning(setup: Setup, tolerance: float = 1e-2, angles: Angles | None = 
     plain, scaled = {}, {}
     for residual in RESIDUALS:
         matrix = residual_jacobian(residual, values, slopes, np.cos(at[0]))
-        plain[residual], scaled[residual] = _condition(matrix), _condition(matrix * scale)
+        plain[residual], scaled[residual] = condition(matrix), condition(matrix * scale)
     return Conditioning(tuple(names), scaled, plain)
 
 

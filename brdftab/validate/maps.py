@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from brdftab.drawing import figure
 from brdftab.errors import ParameterError
-from brdftab.models import spec
+from brdftab.models import Model, spec
 from brdftab.models.setup import resolve
 from brdftab.validate import condition
 from brdftab.validate.probe import Subject
@@ -48,6 +48,13 @@ class ConditionMap:
     recovery: Array
 
 
+def _within(declared: Model, name: str, wanted: tuple[float, float]) -> tuple[float, float]:
+    """Return a range, cut to the bounds of a parameter."""
+    bounds = declared.param(name).bounds
+    assert bounds is not None
+    return max(wanted[0], bounds[0]), min(wanted[1], bounds[1])
+
+
 def condition_map(model: str, steps: tuple[int, int] = STEPS) -> ConditionMap:
     """Compute the map of a model.
 
@@ -61,8 +68,8 @@ def condition_map(model: str, steps: tuple[int, int] = STEPS) -> ConditionMap:
     if not declared.ndfs or not declared.has(second) or not Subject(model).has_twin:
         raise ParameterError(f"model = {model} has no map of its condition; take one with facets and a twin, as ilm")
     tolerance = tolerance_of(Subject(model))
-    rough = np.geomspace(*ROUGHNESS, steps[0])
-    other = np.geomspace(*SECOND[second], steps[1])
+    rough = np.geomspace(*_within(declared, declared.roughness, ROUGHNESS), steps[0])
+    other = np.geomspace(*_within(declared, second, SECOND[second]), steps[1])
     at = condition.fit_directions()
     scaled, recovery = np.empty(steps), np.empty(steps)
     with quick_compilation():
