@@ -62,9 +62,11 @@ def extremes(param: Param) -> list[Any]:
 
 
 def refusal(model: str, given: Given) -> str | None:
-    """Return the line with which a set of parameters is refused, or None."""
+    """Return the line with which a set of parameters is refused, or None; a mirror where no reflectance is given."""
+    # the wavelengths of a metal are dear to set up, and are never what is refused
+    mirror = models.spec(model).has("material") and not SOURCES & set(given)
     try:
-        resolve(model, **given)
+        resolve(model, **given, **({"material": "mirror"} if mirror else {}))
     except ParameterError as error:
         return str(error)
     return None

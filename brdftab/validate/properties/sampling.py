@@ -80,7 +80,9 @@ def findings(subject: Subject) -> Iterator[Finding]:
     count = 1 << (12 if subject.fast else 14)
     for probe in subject.some(3 if subject.fast else 16):
         for theta in LIGHTS[1:2] if subject.fast else LIGHTS:
-            drawn = sample(subject.model, theta, count, phi_i=AZIMUTH, seed=1, **probe.setup.parameters)
+            # the seed of estimators has the name of the sampler's own
+            given = {k: v for k, v in probe.setup.parameters.items() if k != "seed"}
+            drawn = sample(subject.model, theta, count, phi_i=AZIMUTH, seed=1, **given)
             for what, off in distances(probe.setup, theta, drawn):
                 where = (theta, theta, math.pi, AZIMUTH)
                 bound = 1.0
