@@ -112,7 +112,9 @@ def _finding(subject: Subject, probe: Probe, name: str, jump: Jump, at: list[Arr
     else:
         given[name] = jump.above
     where = (angles[0], angles[1], angles[2], angles[3])
-    bound, along = ROUNDING, (name, jump.below, jump.above)
+    # rules of two node counts may differ by the tolerance that was asked
+    bound = max(ROUNDING, float(subject.said("TOLERANCE", 0.0)))
+    along = (name, jump.below, jump.above)
     return Finding("continuity", subject.model, jump.size, bound, given, where, "", along)
 
 
