@@ -16,6 +16,8 @@ ROUNDING = 1e-10
 DARK = 1e-5
 # standard errors; those of few paths are themselves uncertain
 ERRORS = 6.0
+# cosine below which estimators are not compared
+GRAZING = 0.02
 
 
 def reason(subject: Subject) -> str:
@@ -35,5 +37,7 @@ def findings(subject: Subject) -> Iterator[Finding]:
         if not probe.stochastic:
             yield from probe.findings("reciprocity", (apart / scale).max(axis=-1), bound)
             continue
+        # few walks leave along the surface, and their own standard error is not to be trusted
+        apart[np.minimum(np.abs(np.cos(theta_i)), np.abs(np.cos(theta_o))) < GRAZING] = 0.0
         noise = ERRORS * np.hypot(there[1], back[1]) + bound * scale
         yield from probe.findings("reciprocity", (apart / noise).max(axis=-1), 1.0, "standard errors over 6")

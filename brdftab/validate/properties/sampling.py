@@ -57,7 +57,9 @@ def distances(setup: Setup, theta_i: float, drawn: Samples) -> Iterator[tuple[st
     """Give (what, distance in standard errors over 5) of one set of samples."""
     count = drawn.valid.size
     walks = hasattr(models.sampler(setup.model.name), "walk")
-    if not (np.isfinite(drawn.weight).all() and (drawn.weight >= 0.0).all()):
+    # wavelengths projected to RGB may leave the gamut
+    projected = setup.fresnel is not None and bool((setup.fresnel.weights < 0.0).any())
+    if not (np.isfinite(drawn.weight).all() and (projected or (drawn.weight >= 0.0).all())):
         yield "a weight is negative or not finite", math.inf
         return
     expected = directional(Engine(setup, 1e-4), theta_i, AZIMUTH)[0]
