@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from brdftab.scratches.traced import Scratch, trace_scratch
     from brdftab.table import Table
     from brdftab.tabulation import tabulate
+    from brdftab.validate.run import check
 
 _HOMES = {
     "AlbedoTable": "brdftab.albedos",
@@ -35,53 +36,4 @@ _HOMES = {
     "Scratch": "brdftab.scratches.traced",
     "Table": "brdftab.table",
     "albedo": "brdftab.integrals",
-    "check_golden": "brdftab.golden.check",
-    "compare": "brdftab.comparison",
-    "evaluate": "brdftab.evaluation",
-    "fit": "brdftab.fitting.run",
-    "pdf": "brdftab.sampling",
-    "read": "brdftab.io",
-    "read_albedo": "brdftab.albedos",
-    "read_scratch": "brdftab.scratches.files",
-    "record_golden": "brdftab.golden.record",
-    "sample": "brdftab.sampling",
-    "tabulate": "brdftab.tabulation",
-    "tabulate_albedo": "brdftab.albedos",
-    "trace_scratch": "brdftab.scratches.traced",
-    "write": "brdftab.io",
-    "write_albedo": "brdftab.albedos",
-    "write_scratch": "brdftab.scratches.files",
-}
-
-__all__ = [
-    "AlbedoTable",
-    "FitResult",
-    "Grid",
-    "Scratch",
-    "Table",
-    "__version__",
-    "albedo",
-    "check_golden",
-    "compare",
-    "evaluate",
-    "fit",
-    "models",
-    "pdf",
-    "read",
-    "read_albedo",
-    "read_scratch",
-    "record_golden",
-    "sample",
-    "tabulate",
-    "tabulate_albedo",
-    "trace_scratch",
-    "write",
-    "write_albedo",
-    "write_scratch",
-]
-
-
-def __getattr__(name: str) -> Any:
-    if name in _HOMES:
-        return getattr(importlib.import_module(_HOMES[name]), name)
-    raise AttributeError(f"module 'brdftab' has no attribute {name!r}")
+    "check",

@@ -1,7 +1,7 @@
-"""Write docs/cli.md and docs/models.md from the command line and the registry.
+"""Write docs/cli.md, docs/models.md and docs/limits.md from the command line, the registry and the known limits.
 
-python docs/make.py           # write both
-python docs/make.py --check   # exit 1 if either is out of date
+python docs/make.py           # write all
+python docs/make.py --check   # exit 1 if one is out of date
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from brdftab.cli import main as group
 from brdftab.cli.options import declared
 from brdftab.materials import indices
 from brdftab.models import Param, names, spec
+from brdftab.validate import limits, properties
 
 HERE = Path(__file__).parent
 NOTE = "<!-- written by docs/make.py; edit the sources instead -->"
@@ -28,8 +29,8 @@ CLI_HEAD = f"""# Command line
 Angles are degrees. Every command has `--help`; all take `--json` for output that a program reads. Results go to
 standard output, everything else to standard error.
 
-Exit status: 0 success; 1 tables differ (`compare`, `verify`) or the command was interrupted; 2 an error, told in one
-line.
+Exit status: 0 success; 1 tables differ (`compare`, `verify`), a property fails (`check`) or it was interrupted;
+2 an error, told in one line.
 
 ## Parameters of the models
 
@@ -156,7 +157,39 @@ def models_page() -> str:
     return "\n".join(lines).rstrip() + "\n"
 
 
-PAGES = {"cli.md": cli_page, "models.md": models_page}
+LIMITS_HEAD = f"""# Known limits
+
+{NOTE}
+
+What [`brdftab check`](check.md) measures and does not count as a failure. The table is tested: each entry is measured
+again at its example by every check, and fails where it no longer occurs or is less than a third of the stated size.
+
+| model | property | limit | size | why it is left so | where | example |
+| --- | --- | --- | --- | --- | --- | --- |"""
+
+
+def words(values: dict[str, object]) -> str:
+    """Return parameters as ``name = value``, ranges as ``low to high``."""
+    shown = {k: f"{v[0]:g} to {v[1]:g}" if isinstance(v, list) and len(v) == 2 else v for k, v in values.items()}
+    return ", ".join(f"`{k}` = {v:.4g}" if isinstance(v, float) else f"`{k}` = {v}" for k, v in shown.items())
+
+
+def limits_page() -> str:
+    """Return docs/limits.md."""
+    lines = LIMITS_HEAD.splitlines()
+    for known in sorted(limits.limits(), key=lambda one: (one.model, one.prop, one.name)):
+        row = (
+            f"[`{known.model}`](models.md#{known.model})", f"`{known.prop}`", known.name, f"{known.size:g}", known.why,
+            words(known.where) or "anywhere", words(known.example["parameters"]) or "default",
+        )  # fmt: skip
+        lines.append("| " + " | ".join(cell(text) for text in row) + " |")
+    lines += ["", "Sizes are in the units of the property:", ""]
+    used = sorted({known.prop for known in limits.limits()})
+    lines += [f"- `{name}`: {properties.module(name).MEANING}." for name in used]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+PAGES = {"cli.md": cli_page, "models.md": models_page, "limits.md": limits_page}
 
 
 def main() -> int:

@@ -165,6 +165,11 @@ def _has(folder: str, module: str) -> bool:
     return any(os.path.isfile(os.path.join(root, folder, f"{module}.py")) for root in __path__)
 
 
+def has(name: str, part: str) -> bool:
+    """Tell whether a model's folder has a module, as ``twin`` or ``sample``, without importing it."""
+    return name in _folders() and _has(_folders()[name], part)
+
+
 def settled(setup: Any) -> Any:
     """Return a setup after the model's own ``settle`` has checked what depends on several parameters, if it has one."""
     folder = _folders()[setup.model.name]
@@ -209,6 +214,26 @@ def twin(name: str) -> ModuleType:
         having = ", ".join(n for n, folder in folders.items() if _has_twin(folder))
         raise ParameterError(f"model = {name} has no twin in JAX; choose one of {having}")
     return _module(name, ".twin")
+
+
+def checks(name: str) -> ModuleType | None:
+    """Import and return what a model's folder says to `brdftab check` of itself, or None where it is silent.
+
+    A module ``checks`` may have: ``TOLERANCE`` (at which the checks evaluate), ``CHEAP`` (settings that keep it quick),
+    ``SETTINGS`` (extremes that no bound tells), ``FURNACE`` (settings that must return all light), ``SWITCHES`` (where
+    it changes formula), ``SKIP`` and ``SKIP_FAST`` (why a property is not measured); and how much is enough where it is
+    dear, by "fast" and "full": ``THIN`` (every n-th setting), ``DIRECTIONS`` (every n-th), ``SCANS``, ``VARIANTS``,
+    ``BOX`` (how many), and for both ``TWIN_DIRECTIONS``.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such model.
+    """
+    folders = _folders()
+    if name in folders and not _has(folders[name], "checks"):
+        return None
+    return _module(name, ".checks")
 
 
 class _Registry(ModuleType):

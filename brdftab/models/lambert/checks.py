@@ -1,0 +1,3 @@
+"""What `brdftab check` should know of this model."""
+
+FURNACE = ({"kd": 1.0},)

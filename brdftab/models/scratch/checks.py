@@ -1,0 +1,16 @@
+"""What `brdftab check` should know of this model."""
+
+import math
+
+# few wide bins, so that a quadrature of the albedo sees them
+CHEAP = {"bins": 32, "rays": 512, "psi": math.radians(20.0)}
+# walls that are vertical at the rim or all over, the deepest notch, and none at all
+SETTINGS = (
+    *(
+        {"profile": profile}
+        for profile in ("ellipse:1", "ellipse:100", "u:2:100", "u:100:100", "v:0.6", "quartic:100", "v:90", "flat")
+    ),
+    # rays as the tolerance asks
+    {"rays": None},
+)
+FURNACE = tuple({"profile": profile, "material": "mirror"} for profile in ("quartic:1", "u:2:100", "v:40"))

@@ -1,0 +1,17 @@
+"""What `brdftab check` should know of this model."""
+
+# the solver's grid of angles, orders and nodes serves a table; single pairs are dear
+TOLERANCE = 1e-3
+THIN = {"fast": 30, "full": 8}
+DIRECTIONS = {"fast": 30, "full": 10}
+SCANS = {"fast": 1, "full": 1}
+SKIP = {
+    "gradient": "the twin solves at the data's angles: compared with the solver's differences in test_smith_twin.py",
+    "twin": "the twin solves at the data's angles: compared with the solver in test_smith_twin.py",
+}
+SKIP_FAST = {
+    "continuity": "each position of a line is solved anew: in the full check",
+    "stiffness": "the twin solves at the data's angles: in the full check",
+    "tolerance": "tight tolerances are solved on many nodes: in the full check",
+}
+BOX = {"full": 4}

@@ -1,0 +1,4 @@
+"""What `brdftab check` should know of this model."""
+
+THIN = {"fast": 14, "full": 3}
+DIRECTIONS = {"fast": 4, "full": 2}

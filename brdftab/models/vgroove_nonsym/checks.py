@@ -1,0 +1,17 @@
+"""What `brdftab check` should know of this model."""
+
+# every value is an integral
+TOLERANCE = 1e-5
+THIN = {"fast": 14, "full": 4}
+DIRECTIONS = {"fast": 6, "full": 2}
+SCANS = {"fast": 1, "full": 2}
+VARIANTS = {"fast": 1, "full": 2}
+BOX = {"full": 12}
+SKIP_FAST = dict.fromkeys(("twin", "gradient", "stiffness"), "the twin takes a minute to compile: in the full check")
+TWIN_DIRECTIONS = 40
+# both sides of each change of rule and of the fitted reflectance
+SWITCHES = (
+    ("nodes at 1e-4", {"ndf": "ggx", "alpha": 0.5, "material": "mirror"}, "tolerance", 1e-4),
+    ("nodes at 1e-6", {"ndf": "ggx", "alpha": 0.5, "material": "mirror"}, "tolerance", 1e-6),
+    ("fitted reflectance", {"ndf": "beckmann", "alpha": 0.5, "eta": 0.2, "k": 3.0}, "tolerance", 0.999e-5),
+)

@@ -1,0 +1,10 @@
+"""What `brdftab check` should know of this model."""
+
+# both sides of each change of rule
+SWITCHES = (
+    ("orders at 5e-4", {"ndf": "ggx", "alpha": 1.0, "material": "mirror"}, "tolerance", 5e-4),
+    ("orders at 2e-5", {"ndf": "ggx", "alpha": 1.0, "material": "mirror"}, "tolerance", 2e-5),
+)
+THIN = {"fast": 8, "full": 2}
+SCANS = {"fast": 1, "full": 3}
+VARIANTS = {"fast": 1, "full": 3}

@@ -1,0 +1,49 @@
+"""No surface returns more light than it gets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from brdftab.engine import Engine
+from brdftab.integrals import directional
+from brdftab.models.setup import Setup, resolve
+from brdftab.validate.finding import Finding
+from brdftab.validate.probe import Subject
+
+MEANING = "directional albedo above 1"
+# what the quadrature of the albedo promises
+QUADRATURE = 3e-4
+TOLERANCE = 1e-4
+LIGHTS = (0.0, 45.0, 80.0, 89.0)
+AZIMUTH = 0.4
+
+
+def brightest(setup: Setup) -> Setup:
+    """Return the setup with a white body, where it has one: at other albedos less comes back."""
+    if not setup.model.has("kd"):
+        return setup
+    bounds = setup.model.param("kd").bounds
+    assert bounds is not None
+    return resolve(setup.model.name, **{**setup.parameters, "kd": bounds[1]})
+
+
+def albedos(setup: Setup, tolerance: float) -> list[tuple[float, float, np.ndarray]]:
+    """Return (theta_i, phi_i, albedo (C,)) for the fixed lights, radians; with a grain also along it."""
+    engine = Engine(setup, max(tolerance, TOLERANCE))
+    azimuths = (AZIMUTH, 0.0) if setup.model.grain else (AZIMUTH,)
+    return [(float(t), a, directional(engine, float(t), a)[0]) for t in np.radians(LIGHTS) for a in azimuths]
+
+
+def findings(subject: Subject) -> Iterator[Finding]:
+    """Integrate the albedo at four lights for a choice of the settings."""
+    for probe in subject.some(5 if subject.fast else 40):
+        if probe.projected:
+            continue
+        setup = brightest(probe.setup)
+        for theta, azimuth, albedo in albedos(setup, probe.tolerance):
+            over = float(albedo.max()) - 1.0
+            where = (theta, theta, np.pi, azimuth)
+            bound = QUADRATURE
+            yield Finding("energy", probe.model, over, bound, setup.parameters, where, "albedo at theta_i")
