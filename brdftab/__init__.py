@@ -13,6 +13,7 @@ from brdftab._version import __version__
 
 if TYPE_CHECKING:
     from brdftab.albedos import AlbedoTable, read_albedo, tabulate_albedo, write_albedo
+    from brdftab.bench.run import benchmark
     from brdftab.comparison import compare
     from brdftab.evaluation import evaluate
     from brdftab.fitting.result import FitResult
@@ -33,6 +34,7 @@ _HOMES = {
     "Scratch": "brdftab.scratches.traced",
     "Table": "brdftab.table",
     "albedo": "brdftab.integrals",
+    "benchmark": "brdftab.bench.run",
     "compare": "brdftab.comparison",
     "evaluate": "brdftab.evaluation",
     "fit": "brdftab.fitting.run",
@@ -57,6 +59,7 @@ __all__ = [
     "Table",
     "__version__",
     "albedo",
+    "benchmark",
     "compare",
     "evaluate",
     "fit",

@@ -14,6 +14,7 @@ from brdftab.errors import BrdftabError
 
 _COMMANDS = {
     "albedo": "brdftab.cli.albedo:albedo",
+    "bench": "brdftab.cli.bench:bench",
     "compare": "brdftab.cli.files:compare",
     "eval": "brdftab.cli.values:evaluate",
     "fit": "brdftab.cli.fitting:fit",
