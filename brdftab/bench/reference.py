@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -110,10 +111,10 @@ def _sampled(setup: Setup, grid: Grid, seconds: float, kept: NDArray[np.bool_]) 
         return module.estimate_table(fixed, grid.axes, orders=0, tolerance=0.5, progress=None)
 
     drawn(1)
-    found, spent = _clocked(lambda: drawn(samples))
+    found, spent = _clocked(partial(drawn, samples))
     while spent * FACTOR < seconds and samples * FACTOR <= MOST:
         samples *= FACTOR
-        found, spent = _clocked(lambda count=samples: drawn(count))  # type: ignore[misc]  # bound at once
+        found, spent = _clocked(partial(drawn, samples))
     values = found.values[0]
     noise = measure(values + found.standard_error, values, grid, kept)
     made = {"method": "samples", "samples": samples, "seed": seed, "uncertainty_is": NAMED["samples"]}

@@ -161,7 +161,7 @@ def _measured(
         resolve(setup.model.name, **setup.parameters)
         method.make()()
 
-    row = {
+    row: dict[str, Any] = {
         "name": method.name,
         "family": method.family,
         "settings": method.settings,
