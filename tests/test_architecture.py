@@ -167,7 +167,7 @@ print("LOADED", *sorted(new - set(sys.stdlib_module_names)), file=sys.stderr)
     [
         ["--help"], ["--version"], ["tabulate", "--help"], ["eval", "--help"], ["models"], ["models", "--json"],
         ["models", "vgroove-nonsym"], ["info", "--help"], ["compare", "--help"], ["verify", "--help"],
-        ["scratch", "--help"], ["scratch", "maps", "--help"],
+        ["bench", "--help"], ["scratch", "--help"], ["scratch", "maps", "--help"],
     ],
     ids=" ".join,
 )  # fmt: skip

@@ -70,7 +70,7 @@ class Effort:
     converging: float = 5.0
 
 
-QUICK = Effort((1e-2, 1e-4), (1e-3,), (1, 8), (1, 3), 2, 3, 0.02, 0.2, 0.5)
+QUICK = Effort((1e-2, 1e-4), (1e-3,), (1, 8), (1, 3), 2, 3, 0.02, 5.0, 0.5)
 
 
 def recorded() -> dict[str, Any]:
