@@ -16,9 +16,9 @@ import time
 
 import numpy as np
 
-from brdftab.bench.papers.raymond import BINS, FINEST, counted
-from brdftab.models.scratch.profiles import parse
-from brdftab.models.scratch.trace import trace
+from brdftab.scratches.counted import BINS, counted, split
+
+FINEST = 65536
 
 PROFILES = ("v:30", "quartic:0.05", "quartic:1")
 COUNTS = {"brdftab": (32, 64, 128, 256, 512, 1024, 2048), "random": (1000, 10000), "stratified": (1000, 10000)}
@@ -36,19 +36,17 @@ def timed(work, repeats):
 
 def measure(text, repeats):
     """Return error and seconds of every method on one profile."""
-    profile = parse(text)
-    truth = trace(profile, BINS, FINEST).layers.sum(axis=0)
-    trace(profile, BINS, 16)
-    counted(profile, 64, False)
+    truth = split(text, FINEST)
+    split(text, 16)
+    counted(text, 64, False)
     rows = []
     for method, counts in COUNTS.items():
         for rays in counts:
             if method == "brdftab":
-                found, seconds = timed(lambda rays=rays: trace(profile, BINS, rays), repeats)
-                flux = found.layers.sum(axis=0)
+                flux, seconds = timed(lambda rays=rays: split(text, rays), repeats)
             else:
                 even = method == "stratified"
-                flux, seconds = timed(lambda rays=rays, even=even: counted(profile, rays, even), max(1, repeats // 2))
+                flux, seconds = timed(lambda rays=rays, even=even: counted(text, rays, even), max(1, repeats // 2))
             error = float(np.abs(flux - truth).sum() / 2.0)
             rows.append({"method": method, "rays": rays, "l1": error, "wall_s": seconds[0], "cpu_s": seconds[1]})
     return {"profile": text, "rows": rows}

@@ -167,11 +167,11 @@ def test_closed_forms_and_their_storage():
     direct = row(found, "direct 1e-02")
     assert direct["same"] == ["direct 1e-04"]
     assert not any(direct["resolved"].values())
-    # measured 1.1e-13; 2.2e-15; 5.9e-8
+    # measured 1.1e-13; 2.2e-15; 5.5e-7, float32 arithmetic
     assert row(found, "prepared 1e-04")["error"]["max"] < 5e-13
     assert row(found, "twin 1e-03")["error"]["max"] < 1e-14
     stored = row(found, "prepared float32 1e-04")
-    assert 1e-9 < stored["error"]["max"] < 1.2e-7
+    assert 1e-9 < stored["error"]["max"] < 1.2e-6
     assert all(stored["resolved"].values())
     missing = {left["name"] for left in found["left_out"]}
     for variant in (peers.SCALAR, peers.LLVM):

@@ -17,7 +17,6 @@ from brdftab.cells import gauss
 from brdftab.evaluation import evaluate
 from brdftab.grid import Grid
 from brdftab.integrals import albedo
-from brdftab.models.ilm_approx.fit_coefficients import directions
 from brdftab.models.setup import resolve
 
 Array = NDArray[np.float64]
@@ -79,7 +78,10 @@ def _cost(scale: Scale) -> Sheet:
 
 def body_errors(sigma: float, count: int) -> tuple[float, float]:
     """Return the RMS and the largest relative error of the closed form's body up to 75 degrees."""
-    angles = directions(7, count, 75.0)
+    rng = np.random.default_rng(7)
+    u = np.stack([(rng.permutation(count) + rng.random(count)) / count for _ in range(3)])
+    top = math.radians(75.0)
+    angles = top * u[0], top * u[1], math.pi * u[2]
     given: dict[str, Any] = {"kd": 1.0, "ior": IOR, "sigma": sigma, "components": True, "tolerance": 5e-4}
     parts: list[Any] = [evaluate(name, *angles, **given) for name in ("ilm", "ilm-approx")]
     exact, rough = (found["body"][:, 0] for found in parts)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brdftab import models
 from brdftab.bench.papers.section import Cell, Scale, Section, Sheet, cite
 from brdftab.bench.timing import timed
 from brdftab.evaluation import evaluate
@@ -17,7 +18,6 @@ from brdftab.models.microfacet.walk.reflecting import reflecting
 from brdftab.models.microfacet.walk.survey import at_points
 from brdftab.models.microfacet.walk.through import transmitting
 from brdftab.models.setup import Setup, resolve
-from brdftab.models.smith_multi import montecarlo
 
 Array = NDArray[np.float64]
 # theta_i, theta_o, phi in degrees
@@ -59,7 +59,7 @@ def estimates(
         roads = [reflecting(setup, 1e-3, heights=True, least=1)] if ior is None else transmitting(setup, heights=True)
         roads = [replace(road, shared=False) for road in roads]
         return at_points(setup, roads, angles, 0, 1e-3).values.reshape(repeats, -1)
-    return montecarlo.points(setup, *angles, orders=0, tolerance=1e-3).reshape(repeats, -1)
+    return models.kernel("smith-multi").points(setup, *angles, orders=0, tolerance=1e-3).reshape(repeats, -1)
 
 
 def converged(estimator: str, alpha: float, ior: float | None, many: int) -> Array:
