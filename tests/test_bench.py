@@ -209,11 +209,21 @@ def test_noise_falls_with_samples():
     assert 0.0 < found["reference"]["uncertainty"]["l1"] < few["error"]["l1"]
 
 
+def test_rungs_after_a_slow_one_are_left_out():
+    found = brdftab.benchmark("oren-nayar", quick=True, peer=False, limit=1e-9)
+    assert all("took" in left["reason"] for left in found["left_out"])
+    # the first rung of each family runs, and the table names the others
+    assert {"direct 1e-04", "direct float32 1e-04"} <= {left["name"] for left in found["left_out"]}
+    assert any("left out: direct 1e-04" in line for line in table(found))
+
+
 def test_what_is_refused():
     with pytest.raises(ParameterError, match=r"repeats = 0 is outside \[1, inf\)"):
         brdftab.benchmark("lambert", quick=True, repeats=0)
     with pytest.raises(ParameterError, match=r"seconds = 0 is outside \(0, inf\)"):
         brdftab.benchmark("lambert", quick=True, seconds=0)
+    with pytest.raises(ParameterError, match=r"limit = 0 is outside \(0, inf\)"):
+        brdftab.benchmark("lambert", quick=True, limit=0)
     with pytest.raises(ParameterError, match="grid = 4x4x8 has three axes"):
         brdftab.benchmark("smith", "4x4x8", alpha_x=0.1, alpha_y=0.2)
     with pytest.raises(ParameterError, match="threads = 1000 is outside"):

@@ -21,9 +21,9 @@ from brdftab.models.setup import Setup, resolve
 Array = NDArray[np.float64]
 # fills the whole grid and returns (*grid, C)
 Kernel = Callable[[], NDArray[Any]]
-# tolerance of runs that vary something else
+# tolerance of tables, and of runs that vary something else
 USUAL = 1e-3
-TIGHT = 1e-6
+CLOSE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def caps(setup: Setup, grid: Grid, most: tuple[int, ...]) -> Iterator[Method]:
             continue
         if setup.max_bounces is None or cap < setup.max_bounces:
             yield Method(
-                name, f"{name} {value}", {name: value, "tolerance": TIGHT}, filled(capped, grid, TIGHT, fast=True)
+                name, f"{name} {value}", {name: value, "tolerance": CLOSE}, filled(capped, grid, CLOSE, fast=True)
             )
 
 
@@ -157,7 +157,7 @@ def stand_ins(setup: Setup, grid: Grid, samples: tuple[int, ...]) -> Iterator[Me
                 yield from estimators(other, grid, samples, f"{setup.model.name} {name} {value}")
             else:
                 yield Method(
-                    name, f"{name} {value}", {name: value, "tolerance": TIGHT}, filled(other, grid, TIGHT, fast=True)
+                    name, f"{name} {value}", {name: value, "tolerance": CLOSE}, filled(other, grid, CLOSE, fast=True)
                 )
     for name in models.names():
         without = models.told(name, "APPROXIMATES", {}).get(setup.model.name)
@@ -172,7 +172,7 @@ def stand_ins(setup: Setup, grid: Grid, samples: tuple[int, ...]) -> Iterator[Me
         if is_stochastic(other):
             yield from estimators(other, grid, samples, name)
         else:
-            yield Method(name, name, {"model": name, "tolerance": TIGHT}, filled(other, grid, TIGHT, fast=True))
+            yield Method(name, name, {"model": name, "tolerance": CLOSE}, filled(other, grid, CLOSE, fast=True))
 
 
 def twins(setup: Setup, grid: Grid, tolerances: tuple[float, ...]) -> Iterator[Method]:

@@ -55,6 +55,9 @@ def table(result: dict[str, Any], error: str = "l1", time: str = "kernel") -> It
         )
         if row["same"]:
             yield f"    the same numbers: {', '.join(row['same'])}"
+    reasons: dict[str, list[str]] = {}
     for left in result["left_out"]:
-        yield f"  left out: {left['name']} ({left['reason']})"
+        reasons.setdefault(left["reason"], []).append(left["name"])
+    for reason, names in reasons.items():
+        yield f"  left out: {', '.join(names)} ({reason})"
     yield f"  * nothing is at once faster ({time}) and better ({error}); (error) is below the reference's uncertainty"

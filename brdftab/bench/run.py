@@ -22,7 +22,7 @@ from brdftab.bench.methods import Method
 from brdftab.bench.reference import Reference, converge
 from brdftab.bench.timing import forget, timed
 from brdftab.engine import Progress
-from brdftab.errors import ParameterError
+from brdftab.errors import BrdftabError, ParameterError
 from brdftab.grid import Grid
 from brdftab.models.setup import Setup, resolve
 from brdftab.provenance import machine
@@ -66,7 +66,7 @@ class Effort:
     seeds: int = 3
     repeats: int = 25
     seconds: float = 0.5
-    limit: float = 2.0
+    limit: float = 3.0
     converging: float = 5.0
 
 
@@ -148,13 +148,15 @@ def _errors(
 
 
 def _measured(
-    method: Method, setup: Setup, grid: Grid, known: Reference, effort: Effort
-) -> tuple[dict[str, Any], NDArray[Any]]:
-    """Run one method; returns its row of the results and its values."""
+    method: Method, setup: Setup, grid: Grid, known: Reference, effort: Effort, before: NDArray[Any] | None
+) -> tuple[dict[str, Any] | None, NDArray[Any]]:
+    """Run one method; returns its row of the results, None if it gives the values `before` again, and its values."""
     started = time.perf_counter()
     kernel = method.make()
     values = np.array(kernel())
     first = time.perf_counter() - started
+    if before is not None and method.seeded is None and np.array_equal(before, values):
+        return None, values
     error, spread = _errors(method, values, grid, known, effort.seeds)
 
     def whole() -> None:
@@ -184,12 +186,15 @@ def _family(
     rows: list[dict[str, Any]] = []
     before: NDArray[Any] | None = None
     for number, method in enumerate(rungs):
-        row, values = _measured(method, setup, grid, known, effort)
-        if before is not None and method.seeded is None and np.array_equal(before, values):
+        try:
+            row, before = _measured(method, setup, grid, known, effort, before)
+        except BrdftabError as error:
+            # a twin may refuse a choice, an estimator a surface
+            return rows, [{"name": m.name, "reason": str(error)} for m in rungs[number:]]
+        if row is None:
             rows[-1]["same"].append(method.name)
-        else:
-            rows.append(row)
-        before = values
+            continue
+        rows.append(row)
         slow = max(row["kernel_s"]["min"], row["total_s"]["min"])
         reason = f"{method.name} took {slow:.2g} s" if slow > effort.limit else ""
         if method.family == "twin" and row["first_s"] > COMPILING:
@@ -206,6 +211,7 @@ def benchmark(
     quick: bool = False,
     repeats: int | None = None,
     seconds: float | None = None,
+    limit: float | None = None,
     threads: int | None = None,
     peer: bool = True,
     progress: Progress | None = None,
@@ -225,6 +231,8 @@ def benchmark(
         Most timed calls of a method, at least 1.
     seconds : float, optional
         Time for the timed calls of a method, above 0.
+    limit : float, optional
+        A run that takes longer, above 0, ends its family.
     threads : int, optional
         Numba threads; JAX and Mitsuba take their own.
     peer : bool, optional
@@ -244,12 +252,13 @@ def benchmark(
     ParameterError
         If a parameter or the grid is malformed.
     """
+    effort = _effort(quick, repeats, seconds, limit)
     with thread_count(threads) as used:
-        found = _benchmark(resolve(model, **parameters), grid, _effort(quick, repeats, seconds), quick, peer, progress)
+        found = _benchmark(resolve(model, **parameters), grid, effort, quick, peer, progress)
     return {**found, "threads": used}
 
 
-def _effort(quick: bool, repeats: int | None, seconds: float | None) -> Effort:
+def _effort(quick: bool, repeats: int | None, seconds: float | None, limit: float | None) -> Effort:
     """Return how much is measured."""
     effort = QUICK if quick else Effort()
     if repeats is not None:
@@ -260,6 +269,10 @@ def _effort(quick: bool, repeats: int | None, seconds: float | None) -> Effort:
         if not seconds > 0.0:
             raise ParameterError.out_of_range("seconds", seconds, "(0, inf)", "give the time of a method's calls")
         effort = replace(effort, seconds=seconds)
+    if limit is not None:
+        if not limit > 0.0:
+            raise ParameterError.out_of_range("limit", limit, "(0, inf)", "a run that takes longer ends its family")
+        effort = replace(effort, limit=limit)
     return effort
 
 

@@ -40,6 +40,7 @@ def _one_of_many(command: Callable[..., Any]) -> Callable[..., Any]:
 @click.option("--quick", is_flag=True, help="Few cells, rungs and repeats; says little about time.")
 @click.option("--repeats", type=int, help="Most timed calls of a method [default: 25].")
 @click.option("--seconds", type=float, help="Time for the timed calls of a method [default: 0.5].")
+@click.option("--limit", type=float, help="Seconds of a run after which finer rungs are left out [default: 3].")
 @click.option("--threads", type=click.IntRange(min=1), help="Numba threads [default: all].")
 @click.option("--no-peers", "alone", is_flag=True, help="Leave out other programs (Mitsuba 3, SciPy).")
 @click.option(
@@ -101,8 +102,8 @@ def _check_outputs(options: dict[str, Any], mode: str) -> None:
     from brdftab.io.atomic import check_target
 
     idle = {
-        "compare": ("grid", "repeats", "seconds", "threads", "figure", "out"),
-        "suite": ("grid", "seconds", "figure", "slower", "worse"),
+        "compare": ("grid", "repeats", "seconds", "limit", "threads", "figure", "out"),
+        "suite": ("grid", "seconds", "limit", "figure", "slower", "worse"),
     }
     for name in idle.get(mode, ("slower", "worse")):
         if options[name] is not None:
@@ -136,7 +137,7 @@ def _measure(what: list[tuple[str, dict[str, Any]]], options: dict[str, Any]) ->
     for name, given in what:
         resolve(name, **given)
     results = []
-    settings = {key: options[key] for key in ("quick", "repeats", "seconds", "threads")}
+    settings = {key: options[key] for key in ("quick", "repeats", "seconds", "limit", "threads")}
     with progress_bar("measuring") as report:
         for number, (name, given) in enumerate(what):
 

@@ -35,7 +35,7 @@ def count_rays(shape: tuple[Array, ...], tops: Array, bins: int, rays: int, side
 
 
 def counted(text: str, rays: int, stratified: bool, bins: int = BINS) -> Array:
-    """Return the flux matrix (M, M) of counted rays of a profile by name, symmetrised and, of a symmetric profile, mirrored."""
+    """Return the flux matrix (M, M) of counted rays, with the symmetries of reciprocity and of the profile."""
     profile: Profile = parse(text)
     shape = profile.knots, profile.height, profile.slope, profile.bend
     out = np.zeros((bins, bins))
