@@ -6,6 +6,7 @@ import math
 import os
 from typing import Any
 
+from brdftab import models
 from brdftab.bench.front import front
 from brdftab.bench.report import settings
 from brdftab.drawing import figure
@@ -103,7 +104,10 @@ def _draw_one(axis: Any, result: dict[str, Any], error: str, time: str) -> None:
     axis.step(*zip(*best, strict=True), where="post", color="0.3", linewidth=0.8, linestyle=":", label="front")
     axis.axhspan(0.0, known["uncertainty"][error], color="0.9", zorder=0)
     axis.set(xscale="log", yscale="log", xlabel=f"{time} time (s), {result['pairs']:,} pairs", ylabel=LABELS[error])
-    shown = [word for word in settings(result) if "[" not in word][:3]
+    rough = models.spec(result["model"]).roughness
+    words = [word for word in settings(result) if "[" not in word]
+    # the distribution and its roughness tell more than the rest
+    shown = sorted(words, key=lambda word: not word.startswith(("ndf ", rough)))[:3]
     axis.set_title(f"{result['model']}: {', '.join(shown)}", fontsize=9)
     axis.grid(alpha=0.25)
     axis.legend(fontsize=6.5)

@@ -68,16 +68,17 @@ def converge(setup: Setup, grid: Grid, seconds: float) -> Reference:
     grid : Grid
         Where.
     seconds : float
-        No finer rule is tried after one that took longer.
+        No finer rule is tried after one that took more processor time.
     """
     kept = ~singular(setup, *all_angles(grid)).reshape(grid.shape)
     return _sampled(setup, grid, seconds, kept) if is_stochastic(setup) else _refined(setup, grid, seconds, kept)
 
 
 def _clocked(work: Callable[[], Any]) -> tuple[Any, float]:
-    started = time.perf_counter()
+    """Return what a call gives and its processor time."""
+    started = time.process_time()
     found = work()
-    return found, time.perf_counter() - started
+    return found, time.process_time() - started
 
 
 def _refined(setup: Setup, grid: Grid, seconds: float, kept: NDArray[np.bool_]) -> Reference:

@@ -40,7 +40,7 @@ def _one_of_many(command: Callable[..., Any]) -> Callable[..., Any]:
 @click.option("--quick", is_flag=True, help="Few cells, rungs and repeats; says little about time.")
 @click.option("--repeats", type=int, help="Most timed calls of a method [default: 25].")
 @click.option("--seconds", type=float, help="Time for the timed calls of a method [default: 0.5].")
-@click.option("--limit", type=float, help="Seconds of a run after which finer rungs are left out [default: 3].")
+@click.option("--limit", type=float, help="CPU seconds of a run after which finer rungs are left out [default: 3].")
 @click.option("--threads", type=click.IntRange(min=1), help="Numba threads [default: all].")
 @click.option("--no-peers", "alone", is_flag=True, help="Leave out other programs (Mitsuba 3, SciPy).")
 @click.option(
