@@ -14,46 +14,14 @@ import json
 import math
 import time
 
-import numba
 import numpy as np
 
-from brdftab.models.scratch.flux import aperture
-from brdftab.models.scratch.profiles import parse
-from brdftab.models.scratch.trace import trace
-from brdftab.models.scratch.tracer import GROUPS, block_tops, path
+from brdftab.scratches.counted import BINS, counted, split
 
-BINS, CAP = 256, 64
-PROFILES = ("v:30", "quartic:0.05", "quartic:1")
-COUNTS = {"brdftab": (32, 64, 128, 256, 512, 1024, 2048), "random": (1000, 10000), "stratified": (1000, 10000)}
 FINEST = 65536
 
-
-@numba.njit(parallel=True, cache=True)
-def count_rays(shape, tops, bins, rays, side, seed, out):
-    """Fill out (M, M), exit by incident bin, with shares of rays; side > 0: strata a side instead of random rays."""
-    for j in numba.prange(bins):
-        np.random.seed(seed + j)
-        low, high = math.sin(math.pi * (j / bins - 0.5)), math.sin(math.pi * ((j + 1.0) / bins - 0.5))
-        cosines, ray = np.empty(CAP), np.empty(3 + GROUPS)
-        for n in range(rays):
-            u, v = np.random.random(), np.random.random()
-            if side > 0:
-                u, v = (n // side + u) * side / rays, (n % side + v) / side
-            sine = low + (high - low) * v
-            path(shape, tops, 2.0 * u - 1.0, sine, math.sqrt(1.0 - sine * sine), cosines, ray)
-            if ray[2] > 0.0:
-                out[min(int((ray[1] / math.pi + 0.5) * bins), bins - 1), j] += 1.0 / rays
-
-
-def counted(profile, rays, stratified):
-    """Return the flux matrix of counted rays, symmetrised and, of a symmetric profile, mirrored."""
-    shape = profile.knots, profile.height, profile.slope, profile.bend
-    out = np.zeros((BINS, BINS))
-    side = math.isqrt(rays) // 4 if stratified else 0
-    count_rays(shape, block_tops(*shape), BINS, rays // side * side if side else rays, side, 1, out)
-    flux = out * aperture(BINS)
-    flux = 0.5 * (flux + flux.T)
-    return 0.5 * (flux + flux[::-1, ::-1]) if profile.symmetric else flux
+PROFILES = ("v:30", "quartic:0.05", "quartic:1")
+COUNTS = {"brdftab": (32, 64, 128, 256, 512, 1024, 2048), "random": (1000, 10000), "stratified": (1000, 10000)}
 
 
 def timed(work, repeats):
@@ -68,19 +36,17 @@ def timed(work, repeats):
 
 def measure(text, repeats):
     """Return error and seconds of every method on one profile."""
-    profile = parse(text)
-    truth = trace(profile, BINS, FINEST).layers.sum(axis=0)
-    trace(profile, BINS, 16)
-    counted(profile, 64, False)
+    truth = split(text, FINEST)
+    split(text, 16)
+    counted(text, 64, False)
     rows = []
     for method, counts in COUNTS.items():
         for rays in counts:
             if method == "brdftab":
-                found, seconds = timed(lambda rays=rays: trace(profile, BINS, rays), repeats)
-                flux = found.layers.sum(axis=0)
+                flux, seconds = timed(lambda rays=rays: split(text, rays), repeats)
             else:
                 even = method == "stratified"
-                flux, seconds = timed(lambda rays=rays, even=even: counted(profile, rays, even), max(1, repeats // 2))
+                flux, seconds = timed(lambda rays=rays, even=even: counted(text, rays, even), max(1, repeats // 2))
             error = float(np.abs(flux - truth).sum() / 2.0)
             rows.append({"method": method, "rays": rays, "l1": error, "wall_s": seconds[0], "cpu_s": seconds[1]})
     return {"profile": text, "rows": rows}

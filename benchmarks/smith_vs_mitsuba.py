@@ -19,23 +19,17 @@ import os
 import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from brdftab.bench.peers import find_llvm
 
 # gold at 630, 532 and 465 nm: one index a channel, as roughconductor takes it
 ETA, K, ALPHA = (0.143, 0.375, 1.442), (3.983, 2.386, 1.603), 0.3
 SHAPE = (90, 90, 180)
 TOLERANCE = 1e-3
-FOLDERS = ("/usr/lib/x86_64-linux-gnu", "/usr/lib/aarch64-linux-gnu", "/usr/lib/llvm-19/lib", "/usr/lib64", "/usr/lib")
 NAMES = ("brdftab", "mitsuba", "fill")
-
-
-def find_llvm() -> str | None:
-    given = os.environ.get("DRJIT_LIBLLVM_PATH")
-    found = [str(p) for folder in FOLDERS for p in sorted(Path(folder).glob("libLLVM*19*"))]
-    return given or (found[0] if found else None)
 
 
 def axes() -> tuple[np.ndarray, np.ndarray]:

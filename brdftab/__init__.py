@@ -13,6 +13,7 @@ from brdftab._version import __version__
 
 if TYPE_CHECKING:
     from brdftab.albedos import AlbedoTable, read_albedo, tabulate_albedo, write_albedo
+    from brdftab.bench.run import benchmark
     from brdftab.comparison import compare
     from brdftab.evaluation import evaluate
     from brdftab.fitting.result import FitResult
@@ -36,4 +37,57 @@ _HOMES = {
     "Scratch": "brdftab.scratches.traced",
     "Table": "brdftab.table",
     "albedo": "brdftab.integrals",
+    "benchmark": "brdftab.bench.run",
+    "check": "brdftab.validate.run",
+    "check_golden": "brdftab.golden.check",
+    "compare": "brdftab.comparison",
+    "evaluate": "brdftab.evaluation",
+    "fit": "brdftab.fitting.run",
+    "pdf": "brdftab.sampling",
+    "read": "brdftab.io",
+    "read_albedo": "brdftab.albedos",
+    "read_scratch": "brdftab.scratches.files",
+    "record_golden": "brdftab.golden.record",
+    "sample": "brdftab.sampling",
+    "tabulate": "brdftab.tabulation",
+    "tabulate_albedo": "brdftab.albedos",
+    "trace_scratch": "brdftab.scratches.traced",
+    "write": "brdftab.io",
+    "write_albedo": "brdftab.albedos",
+    "write_scratch": "brdftab.scratches.files",
+}
+
+__all__ = [
+    "AlbedoTable",
+    "FitResult",
+    "Grid",
+    "Scratch",
+    "Table",
+    "__version__",
+    "albedo",
+    "benchmark",
     "check",
+    "check_golden",
+    "compare",
+    "evaluate",
+    "fit",
+    "models",
+    "pdf",
+    "read",
+    "read_albedo",
+    "read_scratch",
+    "record_golden",
+    "sample",
+    "tabulate",
+    "tabulate_albedo",
+    "trace_scratch",
+    "write",
+    "write_albedo",
+    "write_scratch",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        return getattr(importlib.import_module(_HOMES[name]), name)
+    raise AttributeError(f"module 'brdftab' has no attribute {name!r}")

@@ -55,7 +55,7 @@ def _singular_cells(setup: Setup, grid: Grid) -> NDArray[np.int64]:
     return none
 
 
-def _fill(engine: Engine, grid: Grid, out: NDArray[np.floating], progress: Progress | None) -> None:
+def fill_grid(engine: Engine, grid: Grid, out: NDArray[np.floating], progress: Progress | None) -> None:
     """Fill out (P, *grid, C) with the values at the grid's positions."""
     _fill_at(engine, grid, [grid.axes[name] for name in grid.axis_names], out, progress)
 
@@ -130,7 +130,7 @@ class Run:
             self.nodes = nodes
             _fill_averages(self.engine, self.grid, nodes, self.values, progress)
         else:
-            _fill(self.engine, self.grid, self.values, progress)
+            fill_grid(self.engine, self.grid, self.values, progress)
         if len(self.cells):
             mean = mirror_average(
                 self.engine, self.grid, self.cells, nodes if self.grid.cell == "center" else MIRROR_NODES[0]

@@ -13,6 +13,12 @@ from brdftab.io.atomic import atomic, check_target, show
 ENDINGS = (".png", ".pdf", ".svg")
 
 
+def check_ending(path: str | os.PathLike[str], name: str) -> None:
+    """Raise `BrdftabError` where a figure's path has no known ending; `name` is what the user calls the path."""
+    if not os.fspath(path).lower().endswith(ENDINGS):
+        raise BrdftabError(f"{name} = {show(path)} has no known ending; end it in .png, .pdf or .svg")
+
+
 @contextlib.contextmanager
 def figure(
     path: str | os.PathLike[str], size: tuple[float, float], name: str, *, overwrite: bool = False
@@ -25,8 +31,7 @@ def figure(
         Where matplotlib is missing, the ending is unknown or the file cannot be written; `name` is what the user calls
         the path.
     """
-    if not os.fspath(path).lower().endswith(ENDINGS):
-        raise BrdftabError(f"{name} = {show(path)} has no known ending; end it in .png, .pdf or .svg")
+    check_ending(path, name)
     check_target(path, overwrite=overwrite)
     try:
         from matplotlib.figure import Figure

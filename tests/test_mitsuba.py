@@ -7,15 +7,14 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import brdftab
+from brdftab.bench.peers import find_llvm
 
 ETA, K = [0.143, 0.375, 1.442], [3.983, 2.386, 1.603]
-FOLDERS = ("/usr/lib/x86_64-linux-gnu", "/usr/lib/aarch64-linux-gnu", "/usr/lib/llvm-19/lib", "/usr/lib64", "/usr/lib")
 
 pytestmark = pytest.mark.skipif(importlib.util.find_spec("mitsuba") is None, reason="mitsuba is not installed")
 
@@ -43,13 +42,6 @@ else:
     values = np.array(bsdf.eval(context, si, mi.Vector3f(view.T))).T.tolist()
 json.dump(values, sys.stdout)
 """
-
-
-def find_llvm() -> str | None:
-    """Return the library that Mitsuba's LLVM variants need: major version 19."""
-    given = os.environ.get("DRJIT_LIBLLVM_PATH")
-    found = [str(p) for folder in FOLDERS for p in sorted(Path(folder).glob("libLLVM*19*"))]
-    return given or (found[0] if found else None)
 
 
 def directions(count: int = 400) -> tuple[np.ndarray, np.ndarray]:

@@ -6,13 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numba import njit, prange
 from oracles import groove_integral, groove_mc
 from oracles.groove_tracer import beams_grid
 
 import brdftab
-from brdftab.models.microfacet.groove2d import width_nonsymmetric, width_symmetric
-from brdftab.models.microfacet.ndf import CODES, density, shape_at
+from brdftab.bench.papers import lee
+from brdftab.bench.papers.grooves import closed_nonsymmetric, closed_symmetric
 from brdftab.models.setup import resolve
 
 DEGREE = math.pi / 180.0
@@ -21,31 +20,6 @@ REFERENCE = json.loads((Path(__file__).parent / "reference" / "vgroove.json").re
 
 
 # ---------------------------------------------------------------- one groove in its plane (Table 1)
-
-
-@njit(parallel=True)
-def _closed_symmetric(theta_i, tilt, limit):
-    """Return closed-form widths and angles (N, 2, limit) of symmetric grooves; the right facet by mirroring."""
-    widths = np.zeros((theta_i.size, 2, limit))
-    angles = np.zeros((theta_i.size, 2, limit))
-    for n in prange(theta_i.size):
-        for k in range(1, limit):
-            widths[n, 0, k], angles[n, 0, k] = width_symmetric(theta_i[n], tilt[n], k)
-            w, out = width_symmetric(-theta_i[n], tilt[n], k)
-            widths[n, 1, k], angles[n, 1, k] = w, -out
-    return widths, angles
-
-
-@njit(parallel=True)
-def _closed_nonsymmetric(theta_i, left, right, limit):
-    widths = np.zeros((theta_i.size, 2, limit))
-    angles = np.zeros((theta_i.size, 2, limit))
-    for n in prange(theta_i.size):
-        for k in range(1, limit):
-            widths[n, 0, k], angles[n, 0, k] = width_nonsymmetric(theta_i[n], left[n], right[n], k)
-            w, out = width_nonsymmetric(-theta_i[n], right[n], left[n], k)
-            widths[n, 1, k], angles[n, 1, k] = w, -out
-    return widths, angles
 
 
 def _errors(closed, traced):
@@ -62,7 +36,7 @@ def test_symmetric_groove_matches_tracer_on_table_1_grid():
     theta_i, aperture = np.meshgrid(np.arange(-89, 90) * DEGREE, np.arange(1, 181, 5) * DEGREE, indexing="ij")
     theta_i, tilt = theta_i.ravel(), 0.5 * (math.pi - aperture.ravel())
     assert theta_i.size == 6444
-    l1, turn = _errors(_closed_symmetric(theta_i, tilt, 190), beams_grid(theta_i, tilt, tilt, 200))
+    l1, turn = _errors(closed_symmetric(theta_i, tilt, 190), beams_grid(theta_i, tilt, tilt, 200))
     # measured 3e-12, from 180 bounces in the aperture of one degree
     assert l1.max() <= 1e-10
     assert turn <= 1e-11
@@ -75,7 +49,7 @@ def test_nonsymmetric_groove_matches_tracer_on_table_1_grid():
     assert theta_i.size == 179 * 324
     open_ = left + right < math.pi - 1e-9  # two parallel walls (90, 90) let no light in
     theta_i, left, right = theta_i[open_], left[open_], right[open_]
-    l1, turn = _errors(_closed_nonsymmetric(theta_i, left, right, 44), beams_grid(theta_i, left, right, 48))
+    l1, turn = _errors(closed_nonsymmetric(theta_i, left, right, 44), beams_grid(theta_i, left, right, 48))
     assert l1.max() <= 1e-10
     assert turn <= 1e-11
 
@@ -100,31 +74,12 @@ def test_tracer_accounts_for_all_light_and_is_reciprocal():
 # ---------------------------------------------------------------- how many bounces a distribution needs (Table 2)
 
 
-@njit
-def _density_at(code, shape, tilt):
-    out = np.empty_like(tilt)
-    for n in range(tilt.size):
-        out[n] = density(code, shape, math.cos(tilt[n]), math.sin(tilt[n]))
-    return out
-
-
-TABLE_2 = {
-    ("beckmann", 0.5): (2, 2, 3), ("beckmann", 0.7): (3, 3, 3), ("beckmann", 1.0): (3, 3, 4),
-    ("phong", 0.5): (2, 3, 3), ("phong", 0.7): (3, 4, 5), ("phong", 1.0): (5, 7, 16),
-    ("ggx", 0.5): (3, 4, 8), ("ggx", 0.7): (4, 5, 12), ("ggx", 1.0): (5, 7, 16),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize(("ndf", "alpha"), TABLE_2)
+@pytest.mark.parametrize(("ndf", "alpha"), lee.TABLE_2)
 def test_table_2_bounces_at_percentiles(ndf, alpha):
-    shape, _ = shape_at(CODES[ndf], alpha, alpha, 1.0, 0.0)
-    tilt = np.linspace(0.0, 0.5 * math.pi, 200_001)[:-1]
-    weight = _density_at(CODES[ndf], shape, tilt) * np.cos(tilt) * np.sin(tilt)
-    cdf = np.concatenate(([0.0], np.cumsum(0.5 * (weight[1:] + weight[:-1]))))
+    bounces, norm = lee.bounces_at(ndf, alpha)
     # the trapezoidal sum must also show that D is normalised
-    assert 2.0 * math.pi * cdf[-1] * (tilt[1] - tilt[0]) == pytest.approx(1.0, abs=1e-6)
-    at = np.interp(np.array([0.90, 0.95, 0.99]) * cdf[-1], cdf, tilt)
-    assert tuple(np.ceil(math.pi / (math.pi - 2.0 * at)).astype(int)) == TABLE_2[ndf, alpha]
+    assert norm == pytest.approx(1.0, abs=1e-6)
+    assert bounces == lee.TABLE_2[ndf, alpha]
 
 
 # ---------------------------------------------------------------- points in space

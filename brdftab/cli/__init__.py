@@ -14,4 +14,63 @@ from brdftab.errors import BrdftabError
 
 _COMMANDS = {
     "albedo": "brdftab.cli.albedo:albedo",
+    "bench": "brdftab.cli.bench:bench",
+    "cache": "brdftab.cli.scene:cache",
     "check": "brdftab.cli.check:check",
+    "compare": "brdftab.cli.files:compare",
+    "eval": "brdftab.cli.values:evaluate",
+    "fit": "brdftab.cli.fitting:fit",
+    "golden": "brdftab.cli.golden:golden",
+    "info": "brdftab.cli.files:info",
+    "models": "brdftab.cli.registry:models",
+    "plan": "brdftab.cli.scene:plan",
+    "scratch": "brdftab.cli.scratch:scratch",
+    "tabulate": "brdftab.cli.values:tabulate",
+    "verify": "brdftab.cli.files:verify",
+}
+
+
+class _Group(click.Group):
+    """Loads a command's module when it is named, and turns expected errors into one line and exit status 2."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return sorted(_COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in _COMMANDS:
+            return None
+        module, name = _COMMANDS[cmd_name].split(":")
+        return getattr(importlib.import_module(module), name)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command; bad input ends in one line on stderr."""
+        try:
+            return super().invoke(ctx)
+        except click.exceptions.NoArgsIsHelpError:
+            raise
+        except click.UsageError as error:
+            path = error.ctx.command_path if error.ctx else ctx.command_path
+            message = " ".join(error.format_message().split()).rstrip(".")
+            click.echo(f"Error: {message}. See {path} --help.", err=True)
+            ctx.exit(2)
+        except BrdftabError as error:
+            message = " ".join(str(error).split())
+            click.echo(f"Error: {message}", err=True)
+            ctx.exit(2)
+        except MemoryError:
+            click.echo("Error: the table does not fit into memory; ask for a smaller --grid or float32", err=True)
+            ctx.exit(2)
+        except BrokenPipeError:
+            # the reader of our output went away: nothing is left to tell it
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            ctx.exit(1)
+
+
+@click.group(
+    cls=_Group,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+    epilog="\b\nExample:\n  brdftab tabulate --model vgroove-nonsym --out gold.exr --out gold.npz",
+)
+@click.version_option(__version__, prog_name="brdftab")
+def main() -> None:
+    """Tabulate, compare and check BRDF models: right to many digits, with the error and the cost stated."""

@@ -178,8 +178,27 @@ def settled(setup: Any) -> Any:
     return importlib.import_module(f"{__name__}.{folder}.settle").settle(setup)
 
 
+def has_twin(name: str) -> bool:
+    """Tell whether a model has a twin in JAX."""
+    return _has_twin(_folders()[name])
+
+
+def told(name: str, attribute: str, otherwise: Any) -> Any:
+    """Return what a model's folder says beside its `SPEC` under a name such as ``METHODS``, or `otherwise`.
+
+    ``METHODS`` maps a parameter to values that compute the same more roughly; ``APPROXIMATES`` maps a model that this
+    one stands for to those of its parameters that this one does without.
+    """
+    return getattr(_module(name, ""), attribute, otherwise)
+
+
 def _has_twin(folder: str) -> bool:
     return _has(folder, "twin")
+
+
+def mitsuba(name: str) -> ModuleType | None:
+    """Return a model's module on Mitsuba 3, whose ``plugin`` names what computes the same there; None without one."""
+    return _module(name, ".mitsuba") if _has(_folders()[name], "mitsuba") else None
 
 
 def shader(name: str) -> str:

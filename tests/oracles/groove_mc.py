@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from oracles.groove_tracer import LEFT, _hit, bounce
+from brdftab.bench.papers.grooves import LEFT, bounce, hit
 
 BECKMANN, GGX, PHONG = 0, 1, 2
 NDFS = {"beckmann": BECKMANN, "ggx": GGX, "phong": PHONG}
@@ -80,7 +80,7 @@ def walk(theta_i, symmetric, ndf, alpha, cdf, tilt):
         return 0.0, 0, 0.0, 0.0, 0.0
     top_l, top_r = -1.0 / math.tan(left), 1.0 / math.tan(right)
     px, pz = place * top_l, place
-    t, _ = _hit(px, pz, across, iz, top_r, 1.0)
+    t, _ = hit(px, pz, across, iz, top_r, 1.0)
     if t > 0.0:
         return 0.0, 0, 0.0, 0.0, 0.0
     dx, dz = 2.0 * facing * s - across, 2.0 * facing * c - iz

@@ -17,59 +17,7 @@ import math
 import numpy as np
 from numba import njit, prange
 
-LEFT, RIGHT = 0, 1
-
-
-@njit(nogil=True)
-def _hit(px, pz, dx, dz, ex, ez):
-    """Return (t, s) of the ray p + t d on the segment s e, 0 <= s <= 1; t < 0 where there is no hit ahead."""
-    den = ex * dz - ez * dx
-    if den == 0.0:
-        return -1.0, 0.0
-    t = (px * ez - pz * ex) / den
-    s = (px * dz - pz * dx) / den
-    if t <= 0.0 or s <= 0.0 or s > 1.0:
-        return -1.0, 0.0
-    return t, s
-
-
-@njit(nogil=True)
-def bounce(px, pz, dx, dz, last, top_l, top_r, limit):
-    """Follow a ray inside the groove.
-
-    `last` is the facet it starts on (-1 for none), `top_l` and `top_r` are the horizontal positions of both tops.
-    Returns (first facet or -1, number of bounces, dx, dz) when the ray leaves or has made `limit` bounces.
-    """
-    first, count = -1, 0
-    while count < limit:
-        facet, nearest, along = -1, math.inf, 0.0
-        for f in range(2):
-            if f != last:
-                t, s = _hit(px, pz, dx, dz, top_l if f == LEFT else top_r, 1.0)
-                if 0.0 < t < nearest:
-                    facet, nearest, along = f, t, s
-        if facet < 0:
-            break
-        ex = top_l if facet == LEFT else top_r
-        px, pz = along * ex, along
-        norm = math.hypot(ex, 1.0)
-        ux, uz = ex / norm, 1.0 / norm
-        twice = 2.0 * (dx * ux + dz * uz)
-        dx, dz = twice * ux - dx, twice * uz - dz
-        if first < 0:
-            first = facet
-        last = facet
-        count += 1
-    return first, count, dx, dz
-
-
-@njit(nogil=True)
-def trace(fraction, theta_i, left, right, limit):
-    """Send one ray through the opening at `fraction` of its width; returns (first facet, bounces, outgoing angle)."""
-    top_l, top_r = -1.0 / math.tan(left), 1.0 / math.tan(right)
-    x = top_l + fraction * (top_r - top_l)
-    first, count, dx, dz = bounce(x, 1.0, math.sin(theta_i), -math.cos(theta_i), -1, top_l, top_r, limit)
-    return first, count, math.atan2(-dx, dz)
+from brdftab.bench.papers.grooves import trace
 
 
 @njit(nogil=True)

@@ -36,3 +36,5 @@ SPEC = Model(
         "tolerance does not lessen this error, and no estimate counts it."
     ),
 )
+
+APPROXIMATES = {"ilm": ("masking", "bounces")}

@@ -23,3 +23,6 @@ SPEC = Model(
         "hence the square."
     ),
 )
+
+# the solver's settings have no meaning here
+APPROXIMATES = {"smith-multi": ("estimator", "samples", "seed", "roulette")}

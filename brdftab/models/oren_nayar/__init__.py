@@ -32,3 +32,6 @@ SPEC = Model(
         "The qualitative form's 0.33 is kept (a later remark by the authors suggests 0.57 to imitate interreflection)."
     ),
 )
+
+# the paper's short form of its own model
+METHODS = {"variant": ("qualitative",)}

@@ -62,3 +62,6 @@ SPEC = Model(
         "incidence, so that it is an export only."
     ),
 )
+
+# rays a bin, and the Fresnel term at a bounce; the finest trace and the exact term are what these stand for
+METHODS = {"rays": (16, 32, 64, 128, 256, 512, 1024), "fresnel": ("schlick", "lazanyi")}

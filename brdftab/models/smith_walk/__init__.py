@@ -22,3 +22,7 @@ SPEC = Model(
         "smith-multi by design; both conserve energy. Next event estimation at every vertex."
     ),
 )
+
+# the same surface, with heights: another masking, so that more samples do not close the gap
+APPROXIMATES = {"smith-multi": ("estimator", "samples", "seed", "roulette")}
+METHODS = {"roulette": ("on",)}

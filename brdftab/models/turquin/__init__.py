@@ -18,3 +18,6 @@ SPEC = Model(
         "wavelength each. Swapping light and view changes the value."
     ),
 )
+
+# the solver's settings have no meaning here
+APPROXIMATES = {"smith-multi": ("estimator", "samples", "seed", "roulette")}

@@ -1,0 +1,1 @@
+"""Error against run time of every method that can compute a model, measured on one set of directions."""
