@@ -169,3 +169,132 @@ print("LOADED", *sorted(new - set(sys.stdlib_module_names)), file=sys.stderr)
         ["models", "vgroove-nonsym"], ["info", "--help"], ["compare", "--help"], ["verify", "--help"],
         ["bench", "--help"], ["check", "--help"], ["golden", "--help"], ["plan", "--help"], ["cache", "--help"],
         ["scratch", "--help"], ["scratch", "maps", "--help"],
+    ],
+    ids=" ".join,
+)  # fmt: skip
+def test_light_commands_load_click_alone(words):
+    code = LOADED.format(words=words)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = set(done.stderr.split("LOADED")[1].split())
+    assert loaded <= {"brdftab", "click", "colorama"}
+    assert done.stdout
+
+
+def test_import_loads_nothing_heavy():
+    code = (
+        "import sys, brdftab; brdftab.models(); print(*{'numpy', 'numba', 'jax', 'OpenEXR', 'rich'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""
+
+
+def test_public_names_exist_and_are_documented():
+    import brdftab
+
+    assert set(brdftab.__all__) >= {
+        "evaluate",
+        "tabulate",
+        "albedo",
+        "sample",
+        "pdf",
+        "read",
+        "write",
+        "models",
+        "compare",
+    }
+    for name in brdftab.__all__:
+        assert getattr(brdftab, name) is not None
+        assert name.startswith("__") or getattr(brdftab, name).__doc__, name
+    with pytest.raises(AttributeError, match="nonsense"):
+        brdftab.nonsense  # noqa: B018  # the access itself is tested
+
+
+# ---------------------------------------------------------------- stale kernels
+
+
+def test_editing_a_helper_changes_the_cache_folder(tmp_path):
+    code = (
+        "import numba; from brdftab.jit import CACHE_FOLDER, source_hash; "
+        "print(source_hash(), CACHE_FOLDER, numba.config.CACHE_DIR)"
+    )
+    copy = tmp_path / "brdftab"
+    shutil.copytree(PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__"))
+
+    def folder():
+        environment = {**os.environ, "PYTHONPATH": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+        done = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path, env=environment
+        )
+        found, cache, numbas = done.stdout.split()
+        assert cache == numbas == str(tmp_path / "cache" / f"kernels-{found}")
+        return found
+
+    first = folder()
+    assert folder() == first
+    helper = copy / "models" / "microfacet" / "ndf.py"
+    stamp = helper.stat()
+    helper.write_text(helper.read_text() + "\n# changed\n")
+    # not even an old time stamp may hide the change
+    os.utime(helper, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
+    second = folder()
+    assert second != first
+    (copy / "models" / "microfacet" / "new_piece.py").write_text('"""New."""\n')
+    assert folder() not in {first, second}
+
+
+def test_folders_without_kernels_are_none_to_kernels():
+    """What the cache's key leaves out holds no kernel, and nothing that holds one imports from there."""
+    from brdftab.jit import NO_KERNELS
+
+    assert {n.split(".")[0] for n in MODULES} >= NO_KERNELS
+    reached = {n for n, tree in MODULES.items() if _makes_kernels(tree)}
+    assert len(reached) > 70
+    while more := {o for n in reached for o in imports(MODULES[n], deep=False) if o in MODULES} - reached:
+        reached |= more
+    assert not [n for n in reached if n.split(".")[0] in NO_KERNELS]
+
+
+def _makes_kernels(tree):
+    words = {"kernel", "parallel_kernel", "njit", "jit", "vectorize", "guvectorize"}
+    named = {
+        a.name
+        for x in ast.walk(tree)
+        if isinstance(x, ast.ImportFrom)
+        for a in x.names
+        if x.module in {"numba", "brdftab.jit"}
+    }
+    dotted = {
+        x.attr
+        for x in ast.walk(tree)
+        if isinstance(x, ast.Attribute) and isinstance(x.value, ast.Name) and x.value.id == "numba"
+    }
+    return bool(words & (named | dotted))
+
+
+# ---------------------------------------------------------------- the tree
+
+
+def tree_files():
+    """Return the project's text files."""
+    tops = ["brdftab", "tests", "docs", "benchmarks", ".ci", ".github"]
+    found = [p for top in tops for p in (ROOT / top).rglob("*") if p.is_file() and "__pycache__" not in p.parts]
+    found += [p for p in ROOT.iterdir() if p.is_file() and p.name != ".coverage"]
+    return [p for p in found if p.suffix not in {".exr", ".npz", ".png", ".nbi", ".nbc", ".pyc"}]
+
+
+def test_no_machine_paths_in_the_tree():
+    marks = [
+        r"/wo" + r"rk/",
+        r"/op" + r"t/venv",
+        r"\.\./sha" + r"red",
+        r"/tm" + r"p/\w",
+        r"/ho" + r"me/\w",
+        r"/ro" + r"ot/\w",
+    ]
+    pattern = re.compile(r"(?<![\w.])(?:" + "|".join(marks) + ")")
+    files = tree_files()
+    assert len(files) > 60
+    wrong = [
+        f"{p.relative_to(ROOT)}: {m.group()}" for p in files for m in pattern.finditer(p.read_text(errors="replace"))
+    ]
+    assert not wrong
