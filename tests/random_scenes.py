@@ -74,11 +74,11 @@ def _keys(name, given, rng, below, grid):
     }
 
 
-def draw(rng, names, grids):
+def draw(rng, names, grids, grooves):
     """Return a random material without noise: grids of three and four axes, and one that reaches below."""
     while True:
         spec = models.spec(str(rng.choice(names)))
-        anisotropic = bool(spec.ndfs) and rng.random() < 0.25
+        anisotropic = bool(spec.ndfs) and (grooves or not spec.singular) and rng.random() < 0.25
         given = _parameters(spec, rng, anisotropic)
         try:
             setup = resolve(spec.name, **{n: math.radians(v) if n == "psi" else v for n, v in given.items()})
@@ -90,8 +90,8 @@ def draw(rng, names, grids):
             continue
 
 
-def scenes(count, seed, grids=("16x16x32", "6x8x6x8", "8x8+8x16"), names=None):
-    """Yield random materials, the same ones for a seed."""
+def scenes(count, seed, grids=("16x16x32", "6x8x6x8", "8x8+8x16"), names=None, grooves=True):
+    """Yield random materials, the same ones for a seed; `grooves`: anisotropic ones of singular models, too."""
     rng = np.random.default_rng(seed)
     for _ in range(count):
-        yield draw(rng, names or models.names(), grids)
+        yield draw(rng, names or models.names(), grids, grooves)

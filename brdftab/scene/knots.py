@@ -1,4 +1,4 @@
-"""Which positions of an axis are enough: cubics in log f between them meet a tolerance everywhere else."""
+"""Which positions of an axis are enough: cubics in the logarithm of f between them meet a tolerance everywhere else."""
 
 from __future__ import annotations
 
@@ -79,13 +79,16 @@ def matrix(knots: Array, x: Array, *, even: tuple[float, ...] = (), apart: int =
 
 
 def to_log(values: Array, floor: float) -> Array:
-    """Return what is interpolated: log(f + floor/100), which stays finite where nothing reflects."""
-    return np.log(np.maximum(values, 0.0) + 0.01 * floor)
+    """Return what is interpolated: asinh(50 f/floor), the logarithm of bright values; zeros and negative ones have it, too.
+
+    Colours outside the gamut of sRGB have negative channels.
+    """
+    return np.arcsinh(values * (50.0 / floor))
 
 
 def from_log(logs: Array, floor: float) -> Array:
     """Invert `to_log`."""
-    return np.maximum(np.exp(np.minimum(logs, 700.0)) - 0.01 * floor, 0.0)
+    return np.sinh(np.clip(logs, -700.0, 700.0)) * (0.02 * floor)
 
 
 def choose(

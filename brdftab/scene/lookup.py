@@ -35,8 +35,8 @@ def interpolate(
 ) -> Array:
     """Look a table up at any directions within its range.
 
-    Four positions along each axis carry a cubic in log(f + floor/100); relative azimuths are continued evenly beyond 0
-    and 180 degrees, absolute ones periodically. Positions of the table give its own values back.
+    Four positions along each axis carry a cubic in asinh(50 f/floor), the logarithm of bright values; relative azimuths
+    are continued evenly beyond 0 and 180 degrees, absolute ones periodically. Positions of the table give its own values back.
 
     Parameters
     ----------
