@@ -261,6 +261,17 @@ def test_builders_settle_channels():
     assert "CC0" in gold.source
 
 
+def test_compiled_conductor_without_contrast_reflects_nothing():
+    """Found by `brdftab check`: 0/0 along the surface made albedos of V-grooves NaN."""
+    from brdftab.models.microfacet.fresnel import reflectance
+
+    for cosine in (0.0, 1e-300, 1e-17, 1e-8, 0.3, 1.0):
+        assert reflectance(1, 1.0, 0.0, cosine) == 0.0
+        assert reflectance(1, 1.0, 1e-3, cosine) == pytest.approx(
+            fresnel.formulas.conductor(1.0, 1e-3, cosine), rel=1e-9
+        )
+
+
 REFUSED = [
     (lambda: fresnel.conductor(0.0, 1.0), "eta = 0 is outside positive numbers"),
     (lambda: fresnel.conductor(float("nan"), 1.0), "eta = nan is outside"),

@@ -79,7 +79,7 @@ def matrix(knots: Array, x: Array, *, even: tuple[float, ...] = (), apart: int =
 
 
 def to_log(values: Array, floor: float) -> Array:
-    """Return what is interpolated: asinh(50 f/floor), the logarithm of bright values; zeros and negative ones have it, too.
+    """Return what is interpolated: asinh(50 f/floor), the logarithm of bright values, which zeros have, too.
 
     Colours outside the gamut of sRGB have negative channels.
     """

@@ -36,7 +36,8 @@ def interpolate(
     """Look a table up at any directions within its range.
 
     Four positions along each axis carry a cubic in asinh(50 f/floor), the logarithm of bright values; relative azimuths
-    are continued evenly beyond 0 and 180 degrees, absolute ones periodically. Positions of the table give its own values back.
+    are continued evenly beyond 0 and 180 degrees, absolute ones periodically. Positions of the table
+    give its own values back.
 
     Parameters
     ----------

@@ -17,7 +17,8 @@ from brdftab.jit import kernel
 def _conductor(n, k, c):
     c2 = c * c
     s2 = 1.0 - c2
-    t0 = n * n - k * k - s2
+    # without n^2 - 1 as a product an index of 1 would leave rounding in place of c^2
+    t0 = (n - 1.0) * (n + 1.0) - k * k + c2
     nk2 = 2.0 * n * k
     t = math.sqrt(t0 * t0 + nk2 * nk2)
     # of the root's two parts the smaller follows from their product n k, so that it keeps its digits as k -> 0
@@ -26,6 +27,9 @@ def _conductor(n, k, c):
     u = t + c2
     v = t * c2 + s2 * s2
     w = p2 * s2
+    if u + p2 <= 0.0:
+        # no interface, along the surface
+        return 0.0
     # 0.5 rs (1 + rp/rs) over one denominator
     return max(u - p2, 0.0) * v / ((u + p2) * (v + w))
 
