@@ -4,7 +4,6 @@ import json
 import math
 import multiprocessing
 import os
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,7 +19,6 @@ from brdftab.grid import Grid
 from brdftab.scene import cache, carry_out, expand, interpolate, parse, plan_material, plan_scene, verify
 from brdftab.scene.albedo import interpolate_albedo
 from brdftab.scene.angles import part
-from brdftab.scene.carry import filled
 from brdftab.scene.knots import choose, matrix
 from brdftab.scene.lookup import expanded
 from brdftab.scene.plan import SHARES, Plan
@@ -129,25 +127,12 @@ def test_bounces_are_judged_at_the_angles_of_the_scene():
     assert caps[0] == 1 < caps[1]
 
 
-def test_one_bounce_is_enough_for_high_lights():
-    keys = {
-        "model": "vgroove-sym",
-        "grid": "9x16x9x16",
-        "theta_o": [0, 50],
-        "floor": 3.0,
-        "parameters": {"alpha_x": 0.15, "alpha_y": 0.25},
-    }
-    one, plan, table = made(**keys)
-    assert 0 < plan.single < 9
+def test_caps_are_judged_at_the_mirror_cells_too():
+    """Averages there hold bounces that points beside do not: .9 % of a cell at 65 degrees."""
+    keys = {"model": "vgroove-sym", "grid": "9x16x9x16", "theta_o": [0, 60], "floor": 1e-3, "tolerance": 0.03}
+    one, plan, table = made(**keys, parameters={"alpha_x": 0.08, "alpha_y": 0.12})
+    assert plan.parameters.get("max_bounces") == 2
     assert verify(one, table)["holds"]
-    found = replace(plan, single=9)
-    # one bounce for all lights is seen
-    assert not verify(one, replace_plan(filled(found, None)[0], plan))["holds"]
-
-
-def replace_plan(table, plan):
-    table.provenance["plan"] = plan.to_json()
-    return table
 
 
 def test_a_faint_lobe_goes_and_a_visible_one_stays():

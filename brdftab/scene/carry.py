@@ -21,7 +21,6 @@ from brdftab.evaluation import is_stochastic, singular_setup
 from brdftab.models.setup import LUMINANCE, Setup, resolve
 from brdftab.provenance import machine
 from brdftab.scene import albedo
-from brdftab.scene.angles import part
 from brdftab.scene.lookup import interpolate
 from brdftab.scene.plan import Item, Plan, Planned, added_up
 from brdftab.scene.planner import probes, resolved
@@ -54,21 +53,11 @@ def filled(plan: Plan, engine: Engine | None, progress: Progress | None = None) 
     setup = plan.setup()
     # cells that hold averages do so whatever is left out
     whole = resolve(plan.model, **plan.given)
-    rows = np.arange(plan.grid.theta_i.size)
-    blocks = [(setup, rows[plan.single :])] if plan.single < rows.size else []
-    if plan.single:
-        alone = replace(plan, parameters={**plan.parameters, "max_bounces": 1}).setup()
-        blocks.insert(0, (alone, rows[: plan.single]))
     # wide cells of four axes take the finer rule, too
     fine = plan.tolerance < FINE_MIRROR or not plan.grid.isotropic
-    values, seconds = [], 0.0
-    for one, lights in blocks:
-        own = engine if one is setup else None
-        run = Run(one, part(plan.grid, {"theta_i": lights}), plan.dtype, plan.rules, 0, True, own, whole)
-        run.compute(MIRROR_NODES[1 if fine else 0], progress)
-        values.append(added_up(run.total, plan.luminance))
-        seconds += run.kernel_time
-    run.kernel_time = seconds
+    run = Run(setup, plan.grid, plan.dtype, plan.rules, 0, True, engine, whole)
+    run.compute(MIRROR_NODES[1 if fine else 0], progress)
+    values = added_up(run.total, plan.luminance)
     channels = ("Y",) if plan.luminance else setup.channels
     provenance: dict[str, Any] = {
         "model": plan.model,
@@ -77,7 +66,7 @@ def filled(plan: Plan, engine: Engine | None, progress: Progress | None = None) 
         "components": False,
         "plan": plan.to_json(),
     }
-    return Table(np.concatenate(values), plan.grid, channels, {}, None, provenance, __version__), run
+    return Table(values, plan.grid, channels, {}, None, provenance, __version__), run
 
 
 def drawn(plan: Plan, progress: Progress | None = None) -> Table:
@@ -232,7 +221,7 @@ def plain(planned: Planned) -> Planned:
         }
     items = tuple(item for item in plan.items if not _doubtful(item))
     grid = plan.grid if plan.symmetric else plan.full
-    new = replace(plan, parameters=given, grid=grid, apart=0, single=0, items=items)
+    new = replace(plan, parameters=given, grid=grid, apart=0, items=items)
     return Planned(planned.material, new, None, planned.seconds)
 
 

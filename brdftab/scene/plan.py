@@ -87,8 +87,6 @@ class Plan:
         The unplanned grid within the scene's ranges, to which the table can be expanded; the unplanned grid.
     cosines : int
         Cells of an albedo table.
-    single : int
-        For so many of the first polar angles of the light a single bounce is computed.
     symmetric : bool
         Whether a quarter of the light's azimuths stands for all.
     apart : int
@@ -112,7 +110,6 @@ class Plan:
     full: Grid | None
     whole: Grid | None
     cosines: int = 0
-    single: int = 0
     symmetric: bool = False
     apart: int = 0
     floor: float = 1e-9
@@ -149,7 +146,6 @@ class Plan:
             "full": None if self.full is None else self.full.to_json(),
             "whole": None if self.whole is None else self.whole.to_json(),
             "cosines": self.cosines,
-            "single": self.single,
             "symmetric": self.symmetric,
             "apart": self.apart,
             "floor": self.floor,
@@ -188,7 +184,6 @@ class Plan:
                 "luminance",
                 "quantity",
                 "cosines",
-                "single",
                 "symmetric",
                 "apart",
                 "floor",

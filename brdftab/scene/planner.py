@@ -18,7 +18,7 @@ from brdftab.models.setup import Setup, luminance
 from brdftab.scene import albedo, layers
 from brdftab.scene.angles import quarter, reached
 from brdftab.scene.plan import SHARES, Item, Plan, Planned
-from brdftab.scene.reduce import Probes, reduced, single_rows
+from brdftab.scene.reduce import Probes, reduced
 from brdftab.scene.resolution import keep
 from brdftab.scene.scene import Material, Scene
 from brdftab.tabulation import default_grid
@@ -43,11 +43,11 @@ def probes(grid: Grid, floor: float, count: int, seed: int) -> Probes:
         phi = grid.phi[rng.integers(0, grid.phi.size, count)]
         late = np.minimum(rng.geometric(0.2, third), grid.phi.size)
         phi[:third] = grid.phi[grid.phi.size - late]
-        return _without_mirror(Probes(ti, to, phi, np.zeros(count), floor), grid)
+        return _without_mirror(Probes(ti, to, phi, np.zeros(count), floor, grid), grid)
     assert grid.phi_i is not None
     assert grid.phi_o is not None
     pi_, po = (a[rng.integers(0, a.size, count)] for a in (grid.phi_i, grid.phi_o))
-    return _without_mirror(Probes(ti, to, po - pi_, pi_, floor), grid)
+    return _without_mirror(Probes(ti, to, po - pi_, pi_, floor, grid), grid)
 
 
 def _without_mirror(found: Probes, grid: Grid) -> Probes:
@@ -55,7 +55,7 @@ def _without_mirror(found: Probes, grid: Grid) -> Probes:
     cells = {tuple(c) for c in grid.mirror_cells().tolist()}
     place = {name: np.searchsorted(grid.axes[name], a) for name, a in _at(found, grid).items()}
     kept = np.array([tuple(c) not in cells for c in np.stack([place[n] for n in grid.axis_names], axis=1).tolist()])
-    return Probes(found.theta_i[kept], found.theta_o[kept], found.phi[kept], found.phi_i[kept], found.floor)
+    return Probes(found.theta_i[kept], found.theta_o[kept], found.phi[kept], found.phi_i[kept], found.floor, grid)
 
 
 def _at(found: Probes, grid: Grid) -> dict[str, Array]:
@@ -126,13 +126,6 @@ def plan_material(material: Material) -> Planned:
         told = f"{fourth.shape[1]} of {near.shape[1]} azimuths of the light: the surface is symmetric about both axes"
         items.append(Item("symmetry", told, "exact", time=saved, size=saved))
         grid, symmetric = fourth, True
-    rows = 0
-    if not (noisy or grid.isotropic or grid.square):
-        # the half of a square grid that reciprocity gives is worth more
-        alone = single_rows(small, probes(near, floor, PAIRS, 1), tolerance, grid.theta_i)
-        if alone is not None:
-            rows, item = alone
-            items.append(item)
     plan = Plan(
         model=setup.model.name,
         given=setup.parameters,
@@ -142,7 +135,6 @@ def plan_material(material: Material) -> Planned:
         grid=grid,
         full=near,
         whole=whole,
-        single=rows,
         symmetric=symmetric,
         floor=floor,
         tolerance=tolerance,

@@ -10,9 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brdftab.attempts import MIRROR_NODES
+from brdftab.cells import mirror_average
 from brdftab.engine import Engine
 from brdftab.errors import ParameterError
-from brdftab.evaluation import ORDERS, is_stochastic
+from brdftab.evaluation import ORDERS, is_stochastic, singular_setup
+from brdftab.grid import Grid
 from brdftab.materials.fresnel import metal
 from brdftab.models.setup import Setup, resolve
 from brdftab.scene.plan import SHARES, Item
@@ -21,6 +24,8 @@ from brdftab.scene.scene import Material
 Array = NDArray[np.float64]
 # a stated error is this many times the largest that was measured on the probes
 SAFETY = 3.0
+# cells at the mirror direction among the probes
+MIRRORS = 9
 # values without which a lobe is gone
 GONE = (("kd", 0.0), ("ior", 1.0), ("f0", 0.0))
 
@@ -34,6 +39,15 @@ class Probes:
     phi: Array
     phi_i: Array
     floor: float
+    grid: Grid
+
+    def averages(self, setup: Setup, tolerance: float, orders: int) -> Array:
+        """Return averages (K, P, C) over some cells that hold the mirror direction, where a model is singular."""
+        if singular_setup(setup) is None or self.grid.cell != "center":
+            return np.empty((0, 1, 1))
+        cells = np.asarray(self.grid.mirror_cells()).reshape(-1, len(self.grid.shape))
+        some = cells[np.unique(np.linspace(0, len(cells) - 1, MIRRORS).round().astype(int))] if len(cells) else cells
+        return mirror_average(Engine(setup, tolerance, orders, fast=False), self.grid, some, MIRROR_NODES[0])
 
     def values(self, setup: Setup, tolerance: float, orders: int = 0) -> tuple[Array, float]:
         """Return values (N, P, C) by direct evaluation, and the seconds that it took."""
@@ -90,6 +104,9 @@ def fewer_bounces(setup: Setup, material: Material, probes: Probes, tolerance: f
     if model.components != ("order",) or not model.has("max_bounces") or setup.max_bounces is not None:
         return None
     parts, seconds = probes.values(setup, 0.1 * tolerance, ORDERS)
+    averages = probes.averages(setup, 0.1 * tolerance, ORDERS)
+    if len(averages):
+        parts = np.concatenate([parts, averages])
     total = parts.sum(axis=1)
     allowed = SHARES["bounces"] * tolerance
     for cap in range(1, ORDERS + 1):
@@ -101,46 +118,6 @@ def fewer_bounces(setup: Setup, material: Material, probes: Probes, tolerance: f
             saved = max(0.0, 1.0 - quick / max(seconds, 1e-9))
             return capped, Item("bounces", told, "measured", error, 1.1 * error, time=saved)
     return None
-
-
-def single_rows(setup: Setup, probes: Probes, tolerance: float, lights: Array) -> tuple[int, Item] | None:
-    """Tell up to which polar angle of the light a single bounce is all that shows.
-
-    Parameters
-    ----------
-    setup : Setup
-        The reduced setup.
-    probes : Probes
-        Pairs at positions of the grid.
-    tolerance : float
-        As of the other steps.
-    lights : ndarray (N,)
-        Polar angles of the light, increasing.
-
-    Returns
-    -------
-    tuple or None
-        How many of `lights`, and the item; None where the split saves nothing.
-    """
-    model = setup.model
-    if model.components != ("order",) or not model.has("max_bounces") or setup.max_bounces == 1:
-        return None
-    parts, _ = probes.values(setup, 0.1 * tolerance, ORDERS)
-    total = parts.sum(axis=1)
-    scale = np.maximum(total.max(axis=1), probes.floor)
-    lost = SAFETY * np.abs(parts[:, 1:]).sum(axis=1).max(axis=1) / scale
-    allowed = SHARES["bounces"] * tolerance
-    seen = probes.theta_i[lost > allowed]
-    # up to the last light that was probed below the first at which more bounces show
-    quiet = probes.theta_i[probes.theta_i < seen.min(initial=np.inf) - 1e-9]
-    if quiet.size == 0:
-        return None
-    rows = int(np.searchsorted(lights, quiet.max() + 1e-9))
-    if not 0 < rows < lights.size:
-        return None
-    error = float(lost[probes.theta_i <= quiet.max()].max())
-    told = f"one bounce is all that shows of light up to {np.degrees(lights[rows - 1]):g} degrees"
-    return rows, Item("bounces", told, "measured", error, 1.1 * error, time=0.5 * rows / lights.size)
 
 
 def fewer_lobes(setup: Setup, material: Material, probes: Probes, tolerance: float) -> Found:

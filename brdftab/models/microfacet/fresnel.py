@@ -17,8 +17,8 @@ from brdftab.jit import kernel
 def _conductor(n, k, c):
     c2 = c * c
     s2 = 1.0 - c2
-    # without n^2 - 1 as a product an index of 1 would leave rounding in place of c^2
-    t0 = (n - 1.0) * (n + 1.0) - k * k + c2
+    # at an index of 1 the difference would leave rounding in place of c^2
+    t0 = c2 - k * k if n == 1.0 else n * n - k * k - s2
     nk2 = 2.0 * n * k
     t = math.sqrt(t0 * t0 + nk2 * nk2)
     # of the root's two parts the smaller follows from their product n k, so that it keeps its digits as k -> 0
