@@ -52,6 +52,8 @@ class Probes:
     def values(self, setup: Setup, tolerance: float, orders: int = 0) -> tuple[Array, float]:
         """Return values (N, P, C) by direct evaluation, and the seconds that it took."""
         engine = Engine(setup, tolerance, orders, fast=False)
+        # the first call may compile
+        engine.points(*(a[:1] for a in (self.theta_i, self.theta_o, self.phi, self.phi_i)))
         started = time.perf_counter()
         found = engine.points(self.theta_i, self.theta_o, self.phi, self.phi_i)
         return found, time.perf_counter() - started
@@ -103,7 +105,7 @@ def fewer_bounces(setup: Setup, material: Material, probes: Probes, tolerance: f
     model = setup.model
     if model.components != ("order",) or not model.has("max_bounces") or setup.max_bounces is not None:
         return None
-    parts, seconds = probes.values(setup, 0.1 * tolerance, ORDERS)
+    parts, _ = probes.values(setup, 0.1 * tolerance, ORDERS)
     averages = probes.averages(setup, 0.1 * tolerance, ORDERS)
     if len(averages):
         parts = np.concatenate([parts, averages])
@@ -113,7 +115,7 @@ def fewer_bounces(setup: Setup, material: Material, probes: Probes, tolerance: f
         error = SAFETY * probes.error(parts[:, :cap].sum(axis=1), total)
         if error <= allowed:
             capped = resolve(model.name, **{**setup.parameters, "max_bounces": cap})
-            quick = probes.values(capped, 0.1 * tolerance)[1]
+            seconds, quick = (probes.values(s, 0.1 * tolerance)[1] for s in (setup, capped))
             told = f"bounces beyond {cap} do not show between these lights and views"
             saved = max(0.0, 1.0 - quick / max(seconds, 1e-9))
             return capped, Item("bounces", told, "measured", error, 1.1 * error, time=saved)
