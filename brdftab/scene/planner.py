@@ -173,7 +173,7 @@ def resolved(planned: Planned, setup: Setup, share: float) -> Planned:
     if plan.full.isotropic and not plan.full.below:
         allowed = SHARES["resolution"] * plan.tolerance
         found = keep(engine, plan.full, share * allowed, plan.floor)
-        grid, rate = found.grid, found.rate
+        grid, build, rate = found.grid, build + found.fixed, found.rate
         if grid.size < plan.full.size:
             apart, saved = found.apart, _saved(plan.full.size, grid.size)
             told = f"{'x'.join(map(str, grid.shape))} positions, with cubics in log f between them"

@@ -38,13 +38,14 @@ class Kept:
         Last azimuths that hold averages of cells.
     error : float
         Sum over the axes of the largest error on any line, relative.
-    rate : float
-        Seconds a cell.
+    fixed, rate : float
+        Seconds of a fill whatever its size, and a cell.
     """
 
     grid: Grid
     apart: int
     error: float
+    fixed: float
     rate: float
 
 
@@ -100,25 +101,37 @@ def keep(engine: Engine, grid: Grid, tolerance: float, floor: float) -> Kept:
     rows = _spread(grid.theta_i.size, ROWS)
     mirrored = np.searchsorted(grid.theta_o, grid.theta_i[rows]).clip(0, grid.theta_o.size - 1)
     columns = np.union1d(_spread(grid.theta_o.size, COLUMNS), mirrored)
+    # the first fill may load or compile
+    _slab(engine, grid, {name: np.arange(min(2, axis.size)) for name, axis in grid.axes.items()})
     started = time.perf_counter()
     across = _slab(engine, grid, {"theta_i": rows, "theta_o": columns})
-    cells = across[..., 0].size
+    slabs = [(across[..., 0].size, time.perf_counter() - started)]
     kept, error = {}, 0.0
     lines = np.moveaxis(across, 2, 0).reshape(grid.phi.size, -1, across.shape[-1])
     kept["phi"], worst = choose(grid.phi, _bent(lines, floor), allowed, floor, even=EVEN["phi"], apart=apart)
     error += worst
     if not singular:
+        started = time.perf_counter()
         azimuths = np.union1d(grid.phi.size - 1 - _spread(grid.phi.size, AZIMUTHS), [0, grid.phi.size - 1])
         along = _slab(engine, grid, {"phi": azimuths})
-        cells += along[..., 0].size // (2 if grid.square and engine.setup.model.reciprocal else 1)
+        halved = 2 if grid.square and engine.setup.model.reciprocal else 1
+        slabs.append((along[..., 0].size // halved, time.perf_counter() - started))
         for axis, name in enumerate(("theta_i", "theta_o")):
             lines = np.moveaxis(along, axis, 0).reshape(along.shape[axis], -1, along.shape[-1])
             kept[name], worst = choose(grid.axes[name], _bent(lines, floor), allowed, floor)
             error += worst
         if grid.square:
             kept["theta_i"] = kept["theta_o"] = np.union1d(kept["theta_i"], kept["theta_o"])
-    rate = (time.perf_counter() - started) / max(cells, 1)
-    return Kept(part(grid, kept), apart, error, rate)
+    return Kept(part(grid, kept), apart, error, *_cost(slabs))
+
+
+def _cost(slabs: list[tuple[int, float]]) -> tuple[float, float]:
+    """Return the fixed seconds of a fill and those a cell, from slabs of (cells, seconds)."""
+    (most, longest), (least, shortest) = max(slabs), min(slabs)
+    if most == least or longest <= shortest:
+        return 0.0, longest / most
+    rate = (longest - shortest) / (most - least)
+    return max(0.0, shortest - rate * least), min(rate, longest / most)
 
 
 def largest_error(engine: Engine, table: Table, plan: Plan, seed: int) -> float:
