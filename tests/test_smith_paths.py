@@ -15,6 +15,7 @@ from numpy.polynomial.legendre import leggauss
 from scipy.special import erfc
 
 import brdftab
+from brdftab.bench.papers.wang import PAIRS
 from brdftab.models.microfacet.masking import CORRELATED
 from brdftab.models.microfacet.single import evaluate_points
 from brdftab.models.microfacet.walk import estimates as counts
@@ -32,17 +33,6 @@ from brdftab.models.smith_walk import kernel as walk_model
 
 REFERENCE = json.loads((Path(__file__).parent / "reference" / "smith.json").read_text())["points"]
 GOLD = {"eta": [0.143, 0.375, 1.442], "k": [3.983, 2.386, 1.603]}
-# 8 pairs: theta_i, theta_o, phi in degrees
-PAIRS = [
-    (30, 50, 220),
-    (60, 75, 190),
-    (80, 70, 0),
-    (45, 45, 180),
-    (10, 20, 90),
-    (75, 10, 40),
-    (50, 30, 120),
-    (5, 85, 180),
-]
 
 
 def radians(*pairs: tuple[float, ...]) -> list[np.ndarray]:

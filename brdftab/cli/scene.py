@@ -103,7 +103,12 @@ def tabulate_scene(
     scene = read(file)
     paths = _paths(scene, outs, file)
     for path in paths.values():
-        Path(path).parent.mkdir(parents=True, exist_ok=True)
+        try:
+            Path(path).parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ParameterError(
+                f"out = {Path(path).parent} cannot be made a folder ({error.strerror or error}); choose another path"
+            ) from error
         check_output(path, overwrite=overwrite)
     told, fits = [], True
     with progress_bar("tabulating") as report:

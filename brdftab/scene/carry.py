@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab import models
 from brdftab._version import __version__
 from brdftab.albedos import AlbedoTable
 from brdftab.attempts import MIRROR_NODES, Run
@@ -231,9 +230,3 @@ def repeat(table: Table) -> Table:
     if is_stochastic(plan.setup()):
         return drawn(plan)
     return filled(plan, None)[0]
-
-
-def known(table: Table) -> bool:
-    """Tell whether a table holds a plan of a model of the registry."""
-    plan = table.provenance.get("plan")
-    return isinstance(plan, dict) and plan.get("model") in models.names()

@@ -7,7 +7,7 @@ from dataclasses import replace
 from brdftab.scene.plan import Item, Plan, Planned
 from brdftab.scene.scene import Material
 from brdftab.scratches.layers import Layered, read
-from brdftab.scratches.maps import AlphaMaps, alpha_maps
+from brdftab.scratches.maps import AlphaMaps, alpha_maps, check_size
 
 
 def shown(layered: Layered, tolerance: float) -> tuple[Layered, float, int]:
@@ -34,6 +34,7 @@ def plan(material: Material) -> Planned:
     ParameterError, FileFormatError
         As `brdftab.scratches.layers.read`.
     """
+    check_size(material.size)
     layered = read(material.layers)
     kept, lost, gone = shown(layered, material.albedo_tolerance)
     share = gone / len(layered.layers)

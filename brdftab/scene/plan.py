@@ -154,6 +154,7 @@ class Plan:
             "dtype": self.dtype,
             "promised": {"cell_error": self.cell_error, "albedo_error": self.albedo_error},
             "items": [item.to_json() for item in self.items],
+            "kinds": KINDS,
             "predicted": self.predicted,
         }
 

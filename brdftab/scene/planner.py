@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.engine import Engine
-from brdftab.errors import ParameterError
+from brdftab.errors import GridError, ParameterError
 from brdftab.evaluation import is_stochastic
 from brdftab.grid import Grid
 from brdftab.models.setup import Setup, luminance
@@ -80,7 +80,10 @@ def budget(material: Material) -> tuple[float, float]:
 
 def _whole(material: Material, setup: Setup) -> Grid:
     """Return the grid that would be taken without a plan."""
-    whole = Grid.resolve(material.grid or default_grid(setup))
+    try:
+        whole = Grid.resolve(material.grid or default_grid(setup))
+    except GridError as error:
+        raise GridError(f"{material.name}: grid = {material.grid!r}: {error}") from None
     if whole.isotropic and not setup.isotropic:
         raise ParameterError(
             f"{material.name}: grid = {material.grid} has three axes, but {setup.model.name} has a direction of its "
