@@ -20,7 +20,7 @@ from brdftab._version import __version__
 from brdftab.engine import Engine, Progress
 from brdftab.errors import BrdftabError, FileFormatError, ParameterError
 from brdftab.evaluation import check_tolerance, is_stochastic
-from brdftab.integrals import NODES, directional
+from brdftab.integrals import many, nodes_for
 from brdftab.models.setup import Setup, resolve
 from brdftab.provenance import machine
 
@@ -29,7 +29,9 @@ FORMAT = "brdftab-albedo"
 COSINES = 32
 SIDES = {"above": 1.0, "below": -1.0}
 # angles a row at which the quadrature is checked against a finer one
-CHECKS = 3
+CHECKS, FINER = 3, 0.1
+# nodes of the average over the light's angles, fewer of which leave at most 1e-5
+AVERAGE_NODES, FEW_NODES, LOOSE = 20, 8, 3e-4
 
 
 @dataclass(frozen=True)
@@ -83,8 +85,11 @@ def _names(setup: Setup) -> tuple[str, ...]:
     return ("reflected", "transmitted", "reflected_below", "transmitted_below") if setup.transmits else ("reflected",)
 
 
-def albedos(setup: Setup, angles: Array, tolerance: float) -> Array:
-    """Return the albedos (L, N, C) of all layers at polar angles (N,) above the surface, radians."""
+def albedos(setup: Setup, angles: Array, tolerance: float, engine: Engine | None = None) -> Array:
+    """Return the albedos (L, N, C) of all layers at polar angles (N,) above the surface, radians.
+
+    An engine of the same setup and tolerance is taken where directions are evaluated.
+    """
     if setup.transmits:
         split = models.kernel(setup.model.name).split_albedo
         both = [split(setup, t, tolerance) for t in (angles, math.pi - angles)]
@@ -94,23 +99,36 @@ def albedos(setup: Setup, angles: Array, tolerance: float) -> Array:
         own = module.albedo(setup, angles, 0.0, tolerance)
         if own is not None:
             return np.asarray(own)[None]
-    engine = Engine(setup, tolerance)
-    nodes = NODES if tolerance > 1e-5 else 2 * NODES
-    return np.array([directional(engine, float(t), 0.0, nodes)[0] for t in angles])[None]
+    return many(engine or Engine(setup, tolerance), angles, nodes_for(tolerance))[None]
 
 
-def _row(setup: Setup, cosines: Array, tolerance: float) -> tuple[Array, Array, float]:
-    """Return directional (L, M, C) and average (L, C) albedo of one roughness, and the estimated error."""
+@dataclass(frozen=True)
+class Row:
+    """Albedos of one setup: `cells` (L, M, C) by cosine, `mean` (L, C), and the estimated error of both."""
+
+    setup: Setup
+    cells: Array
+    mean: Array
+    error: float
+
+
+def row(
+    setup: Setup, cosines: Array, tolerance: float, cells: Array | None = None, engine: Engine | None = None
+) -> Row:
+    """Integrate the albedos of one isotropic setup; `cells` are those at the cosines, `engine` its own, if known."""
     angles = np.arccos(cosines)
-    x, w = np.polynomial.legendre.leggauss(20)
+    x, w = np.polynomial.legendre.leggauss(FEW_NODES if tolerance >= LOOSE else AVERAGE_NODES)
     # squared nodes gather at grazing, where albedos turn
     mu, weight = (0.5 * (1.0 + x)) ** 2, 0.5 * w * (1.0 + x)
-    found = albedos(setup, np.concatenate([angles, np.arccos(mu)]), tolerance)
-    cells, rest = found[:, : angles.size], found[:, angles.size :]
+    if cells is None:
+        found = albedos(setup, np.concatenate([angles, np.arccos(mu)]), tolerance, engine)
+        cells, rest = found[:, : angles.size], found[:, angles.size :]
+    else:
+        rest = albedos(setup, np.arccos(mu), tolerance, engine)
     picked = np.unique(np.linspace(0, angles.size - 1, CHECKS).round().astype(int))
-    finer = albedos(setup, angles[picked], max(0.01 * tolerance, 1e-10))
+    finer = albedos(setup, angles[picked], max(FINER * tolerance, 1e-10))
     error = float(np.abs(finer - cells[:, picked]).max())
-    return cells, 2.0 * np.einsum("n,lnc->lc", weight * mu, rest), error
+    return Row(setup, cells, 2.0 * np.einsum("n,lnc->lc", weight * mu, rest), error)
 
 
 def tabulate_albedo(
@@ -169,31 +187,36 @@ def tabulate_albedo(
     mu = (np.arange(cosines) + 0.5) / cosines
     made = []
     for number, setup in enumerate(rows):
-        made.append(_row(setup, mu, asked))
+        made.append(row(setup, mu, asked))
         if progress is not None:
             progress((number + 1.0) / len(rows))
-    names = _names(first)
-    values = np.array([given for given, _, _ in made])
-    means = np.array([mean for _, mean, _ in made])
-    error = max(e for _, _, e in made)
-    elapsed = time.perf_counter() - started
-    parameters = {n: v for n, v in first.parameters.items() if roughness is None or n != name}
+    table = assembled(mu, made, asked, time.perf_counter() - started)
+    if roughness is not None:
+        del table.provenance["parameters"][name]
+    return table
+
+
+def assembled(cosines: Array, rows: Sequence[Row], tolerance: float, seconds: float) -> AlbedoTable:
+    """Return the table of rows of one model that differ in roughness."""
+    first = rows[0].setup
+    error = max(row.error for row in rows)
     provenance = {
-        "model": model,
-        "parameters": parameters,
-        "roughness_parameter": name,
-        "error": {"tolerance": asked, "estimate": error, "met": error <= asked, "cells": CHECKS * len(rows)},
-        "run_time_s": elapsed,
+        "model": first.model.name,
+        "parameters": dict(first.parameters),
+        "roughness_parameter": first.model.roughness,
+        "error": {"tolerance": tolerance, "estimate": error, "met": error <= tolerance, "cells": CHECKS * len(rows)},
+        "run_time_s": seconds,
         "machine": machine(),
         "citation": first.model.citation,
         "doi": first.model.doi,
     }
-    rough = np.array([s.alpha_x for s in rows])
+    cells, means = np.array([row.cells for row in rows]), np.array([row.mean for row in rows])
+    names = _names(first)
     return AlbedoTable(
-        mu,
-        rough,
+        cosines,
+        np.array([row.setup.alpha_x for row in rows]),
         first.channels,
-        {n: values[:, k] for k, n in enumerate(names)},
+        {n: cells[:, k] for k, n in enumerate(names)},
         {n: means[:, k] for k, n in enumerate(names)},
         provenance,
     )

@@ -19,6 +19,11 @@ Array = NDArray[np.float64]
 # in-plane incoming angles (degrees) at which the azimuth of the half vector is split
 _TURNS = np.tan(np.radians([0.0, 15.0, 30.0, 45.0, 60.0, 70.0, 78.0, 84.0, 87.0, 88.5]))
 NODES = 10
+# nodes a panel by the error asked; the largest error over NDFs, roughnesses .01 to 1 and angles to 89.94 degrees of
+# 3, 4, 6 nodes is 2.6e-3, 9e-4, 2.3e-4
+FEWER = ((4e-3, 3), (1.5e-3, 4), (4e-4, 6), (1e-5, NODES))
+# pairs of directions that are evaluated at once
+_AT_ONCE = 1 << 17
 
 
 def _panels(edges: Array, nodes: int) -> tuple[Array, Array]:
@@ -75,6 +80,32 @@ def half_vector_nodes(setup: Setup, theta_i: float, phi_i: float, nodes: int) ->
     keep = (i_h > 0.0) & (oz > 0.0) & (weight > 0.0)
     theta_o = np.arctan2(np.hypot(ox, oy), oz)
     return theta_o[keep], np.arctan2(oy, ox)[keep], weight[keep]
+
+
+def nodes_for(tolerance: float) -> int:
+    """Return the nodes a panel that an error asked of an albedo takes."""
+    return next((nodes for least, nodes in FEWER if tolerance > least), 2 * NODES)
+
+
+def many(engine: Engine, theta_i: Array, nodes: int) -> Array:
+    """Return the directional albedos (N, C) of an isotropic setup at polar angles (N,), many of them at once."""
+    module = models.kernel(engine.setup.model.name)
+    if engine.layers > 1 or hasattr(module, "albedo") or hasattr(module, "smooth_albedo"):
+        return np.array([directional(engine, float(t), 0.0, nodes)[0] for t in theta_i])
+    found = np.empty((theta_i.size, len(engine.setup.channels)))
+    waiting: list[tuple[int, Array, Array, Array]] = []
+    for number, angle in enumerate(theta_i):
+        waiting.append((number, *half_vector_nodes(engine.setup, float(angle), 0.0, nodes)))
+        if number == theta_i.size - 1 or sum(w[1].size for w in waiting) > _AT_ONCE:
+            lights = np.concatenate([np.full_like(to, theta_i[n]) for n, to, _, _ in waiting])
+            to, phi, weight = (np.concatenate([w[k] for w in waiting]) for k in (1, 2, 3))
+            parts = weight[:, None] * engine.points(lights, to, phi, np.zeros_like(to))[:, 0]
+            start = 0
+            for n, own, _, _ in waiting:
+                found[n] = parts[start : start + own.size].sum(axis=0)
+                start += own.size
+            waiting = []
+    return found
 
 
 def directional(engine: Engine, theta_i: float, phi_i: float = 0.0, nodes: int = NODES) -> Array:

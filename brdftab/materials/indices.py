@@ -17,8 +17,13 @@ FOLDER = "indices"
 
 def names() -> list[str]:
     """Return the names of all materials, sorted; found by walking the data folder, without loading numpy."""
+    return list(_known())
+
+
+@cache
+def _known() -> tuple[str, ...]:
     folder = resources.files(__package__) / "data" / FOLDER
-    return sorted(entry.name[:-4] for entry in folder.iterdir() if entry.name.endswith(".csv"))
+    return tuple(sorted(entry.name[:-4] for entry in folder.iterdir() if entry.name.endswith(".csv")))
 
 
 @cache
@@ -45,7 +50,11 @@ def read_csv(folder: str, name: str) -> np.ndarray:
 
 def header(name: str, folder: str = FOLDER) -> dict[str, str]:
     """Return the ``key: value`` comment lines of a data file (title, source, licence, taken from, note)."""
-    check(name)
+    return dict(_header(check(name), folder))
+
+
+@cache
+def _header(name: str, folder: str) -> dict[str, str]:
     text = (resources.files(__package__) / "data" / folder / f"{name}.csv").read_text(encoding="utf-8")
     pairs = (line[2:].split(": ", 1) for line in text.splitlines() if line.startswith("# "))
     first, *rest = [pair for pair in pairs if len(pair) == 2]

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
+import time
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from brdftab.albedos import AlbedoTable, albedos, tabulate_albedo
+from brdftab import models
+from brdftab.albedos import AlbedoTable, albedos, assembled, row
+from brdftab.engine import Engine
 from brdftab.errors import ParameterError
 from brdftab.grid import Grid
 from brdftab.models.setup import Setup
 from brdftab.scene.knots import stencil
-from brdftab.scene.plan import Item, Plan
+from brdftab.scene.plan import Item, Plan, Planned
 from brdftab.scene.reduce import SAFETY, equal_channels, fewer_wavelengths
 from brdftab.scene.scene import Material
 from brdftab.tabulation import default_grid
@@ -22,7 +25,7 @@ Array = NDArray[np.float64]
 COUNTS = (8, 12, 16, 24, 32, 48, 64, 96, 128, 256)
 CHECKS = 9
 # the quadrature's share of the tolerance
-RULES = 0.2
+RULES = 0.3
 # light at the horizon itself has no albedo
 LOWEST = 1e-3
 ALONE = Item("table", "the albedo alone is looked up: no table of directions", "exact", size=1.0)
@@ -74,7 +77,13 @@ def _lights(material: Material) -> Array:
     return low + (high - low) * (1.0 - (1.0 - np.linspace(0.0, 1.0, CHECKS)) ** 2)
 
 
-def plan(material: Material, setup: Setup) -> Plan:
+def _engine(setup: Setup, tolerance: float) -> Engine | None:
+    """Return what evaluates directions, unless the model integrates its albedos itself."""
+    own = setup.transmits or hasattr(models.kernel(setup.model.name), "albedo")
+    return None if own else Engine(setup, tolerance)
+
+
+def plan(material: Material, setup: Setup) -> Planned:
     """Plan a table of albedos: as few cosines as the tolerance takes.
 
     Raises
@@ -90,10 +99,11 @@ def plan(material: Material, setup: Setup) -> Plan:
             small, item = found
             items.append(replace(item, cell=0.0))
     lights, rules = _lights(material), RULES * asked
-    wanted = albedos(small, lights, rules)
+    engine = _engine(small, rules)
+    wanted = albedos(small, lights, rules, engine)
     for count in COUNTS:
         cosines = (np.arange(count) + 0.5) / count
-        values = albedos(small, np.arccos(cosines), rules)
+        values = albedos(small, np.arccos(cosines), rules, engine)
         error = SAFETY * max(
             float(np.abs(at(cosines, mine, lights) - right).max()) for mine, right in zip(values, wanted, strict=True)
         )
@@ -103,21 +113,25 @@ def plan(material: Material, setup: Setup) -> Plan:
     items.append(Item("resolution", told, "measured", 0.0, error))
     items.append(Item("rules", f"quadratures for an error of {rules:.1e}", "measured", 0.0, rules))
     channels = len(small.channels)
-    return Plan(
+    made = Plan(
         model=setup.model.name, given=setup.parameters, parameters=small.parameters, luminance=False,
         quantity="albedo", grid=None, full=None, whole=None, cosines=count, tolerance=asked, rules=rules,
         dtype="float64", items=tuple(items),
         predicted={"bytes": 8.0 * count * channels * wanted.shape[0], "bytes_unplanned": _unplanned(setup, material)},
     )  # fmt: skip
+    return Planned(material, made, engine, cells=values)
 
 
 def _unplanned(setup: Setup, material: Material) -> float:
     return float(Grid.resolve(material.grid or default_grid(setup)).nbytes(len(setup.channels), material.dtype))
 
 
-def make(plan: Plan) -> AlbedoTable:
-    """Tabulate what a plan of albedos says."""
-    table = tabulate_albedo(plan.model, cosines=plan.cosines, tolerance=plan.rules, **plan.parameters)
+def make(planned: Planned) -> AlbedoTable:
+    """Tabulate what a plan of albedos says; cells that the planning took stay."""
+    started, plan = time.perf_counter(), planned.plan
+    cosines = (np.arange(plan.cosines) + 0.5) / plan.cosines
+    found = row(plan.setup(), cosines, plan.rules, planned.cells, planned.engine)
+    table = assembled(cosines, [found], plan.rules, planned.seconds + time.perf_counter() - started)
     table.provenance["plan"] = plan.to_json()
     return table
 

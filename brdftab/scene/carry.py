@@ -32,14 +32,20 @@ Array = NDArray[np.float64]
 CHECKS = 256
 # the check may find this share of what is promised; a maximum over all cells exceeds one over a few
 PART = 0.5
-# share of what interpolation may cost in a second attempt
-FINER = 0.3
-# a table below this tolerance makes its mirror cells with the finer rule
-FINE_MIRROR = 3e-3
+# share of what interpolation may cost in a second attempt, which looks at so many times as many lines
+FINER, LINES = 0.5, 3
+# nodes of mirror cells from a tolerance on: with three axes 4 leave up to 2e-4 of a cell, with four axes, whose cells
+# are wide, 6 leave 9e-4, 7 leave 3e-4 and 9 leave 1e-4
+MIRROR_RULES = {
+    True: ((2e-3, 4), (5e-4, MIRROR_NODES[0]), (0.0, MIRROR_NODES[1])),
+    False: ((4e-3, 6), (2e-3, MIRROR_NODES[0]), (0.0, MIRROR_NODES[1])),
+}
+# references ask for this share of the quadratures' own tolerance
+REFERENCE = 0.25
 # standard errors that are stated of estimates with noise
 SIGMAS = 5.0
 # cells that hold averages among those that are checked
-MIRRORS = 4
+MIRRORS = 3
 DEFINITION = (
     "largest channel difference to the unplanned model by direct evaluation, over the cell's largest channel or the "
     "plan's floor, the maximum over seeded pairs of positions of the unplanned grid, looked up in the planned table"
@@ -52,10 +58,8 @@ def filled(plan: Plan, engine: Engine | None, progress: Progress | None = None) 
     setup = plan.setup()
     # cells that hold averages do so whatever is left out
     whole = resolve(plan.model, **plan.given)
-    # wide cells of four axes take the finer rule, too
-    fine = plan.tolerance < FINE_MIRROR or not plan.grid.isotropic
     run = Run(setup, plan.grid, plan.dtype, plan.rules, 0, True, engine, whole)
-    run.compute(MIRROR_NODES[1 if fine else 0], progress)
+    run.compute(_mirror_nodes(plan), progress)
     values = added_up(run.total, plan.luminance)
     channels = ("Y",) if plan.luminance else setup.channels
     provenance: dict[str, Any] = {
@@ -66,6 +70,12 @@ def filled(plan: Plan, engine: Engine | None, progress: Progress | None = None) 
         "plan": plan.to_json(),
     }
     return Table(values, plan.grid, channels, {}, None, provenance, __version__), run
+
+
+def _mirror_nodes(plan: Plan) -> int:
+    """Return the nodes along each coordinate of a cell that holds the mirror direction."""
+    assert plan.grid is not None
+    return next(nodes for least, nodes in MIRROR_RULES[plan.grid.isotropic] if plan.tolerance >= least)
 
 
 def drawn(plan: Plan, progress: Progress | None = None) -> Table:
@@ -100,7 +110,7 @@ def check(table: Table, plan: Plan, seed: int = 2) -> dict[str, Any]:
     assert plan.full is not None
     pairs = probes(plan.full, plan.floor, CHECKS, seed)
     setup = resolve(plan.model, **plan.given)
-    reference = added_up(pairs.values(setup, 0.1 * plan.rules)[0][:, 0], plan.luminance)
+    reference = added_up(pairs.values(setup, REFERENCE * plan.rules)[0][:, 0], plan.luminance)
     found = interpolate(table, pairs.theta_i, pairs.theta_o, pairs.phi, phi_i=pairs.phi_i)
     if found.shape[1] < reference.shape[1]:
         found = np.broadcast_to(found, reference.shape)
@@ -114,12 +124,14 @@ def check(table: Table, plan: Plan, seed: int = 2) -> dict[str, Any]:
     scale = np.maximum(np.abs(reference).max(axis=1), plan.floor)
     error = np.abs(found - reference).max(axis=1) / scale
     worst = int(np.argmax(error))
+    elsewhere = error[: pairs.theta_i.size]
     return {
         "tolerance": plan.tolerance,
         "estimate": float(error[worst]),
         "p95": float(np.quantile(error, 0.95)),
         "rms": float(math.sqrt(np.mean(error * error))),
         "cells": int(error.size),
+        "away_from_mirror": float(elsewhere.max(initial=0.0)),
         "mirror_cells": 0 if mirror is None else int(mirror[0].shape[1]),
         "worst_degrees": [math.degrees(a[worst]) for a in angles],
         "definition": DEFINITION,
@@ -138,8 +150,10 @@ def _mirror_cells(table: Table, plan: Plan, setup: Setup) -> tuple[Array, Array,
     if not len(cells):
         return None
     some = cells[np.unique(np.linspace(0, len(cells) - 1, MIRRORS).round().astype(int))]
-    engine = Engine(setup, min(0.1 * plan.rules, 1e-4), fast=False)
-    reference = added_up(mirror_average(engine, plan.full, some, MIRROR_NODES[0] + 1)[:, 0], plan.luminance)
+    engine = Engine(setup, REFERENCE * plan.rules, fast=False)
+    # other nodes than the table's own, where finer ones than the finest would take long
+    nodes = min(_mirror_nodes(plan) + 1, MIRROR_NODES[0] + 1)
+    reference = added_up(mirror_average(engine, plan.full, some, nodes)[:, 0], plan.luminance)
     ti, to, phi, az = cell_angles(plan.full, some)
     found = interpolate(table, ti, to, phi, phi_i=az)
     return np.stack([ti, to, phi, az]), np.broadcast_to(found, reference.shape), reference.astype(np.float64)
@@ -159,7 +173,7 @@ def carry_out(planned: Planned, progress: Progress | None = None) -> Table | Alb
     started = time.perf_counter()
     plan = planned.plan
     if plan.quantity == "albedo" and plan.cosines:
-        return albedo.make(plan)
+        return albedo.make(planned)
     if is_stochastic(plan.setup()):
         return drawn(plan, progress)
     kernel = 0.0
@@ -168,9 +182,16 @@ def carry_out(planned: Planned, progress: Progress | None = None) -> Table | Alb
         plan = planned.plan
         table, run = filled(plan, planned.engine, progress)
         kernel += run.kernel_time
+        allowed = PART * plan.cell_error
+        thinned = "resolution" in {i.name for i in plan.items}
+        seen = largest_error(run.engine, table, plan, 3) if thinned else 0.0
+        if seen > allowed:
+            continue
         error = check(table, plan)
-        seen = largest_error(run.engine, table, plan, 3) if "resolution" in {i.name for i in plan.items} else 0.0
-        if max(seen, error["estimate"]) <= PART * plan.cell_error or not any(map(_doubtful, plan.items)):
+        if error["estimate"] <= allowed or not any(map(_doubtful, plan.items)):
+            break
+        if error["away_from_mirror"] <= allowed and not any(map(_everywhere, plan.items)):
+            # more positions do not mend averages
             break
     setup: Setup = plan.setup()
     table.provenance |= {
@@ -195,6 +216,11 @@ def _doubtful(item: Item) -> bool:
     return item.kind == "measured" and item.name != "rules"
 
 
+def _everywhere(item: Item) -> bool:
+    """Tell whether giving up an item can change averages at the mirror direction, too."""
+    return _doubtful(item) and item.name != "resolution"
+
+
 def as_it_is(planned: Planned) -> Planned:
     """Return the plan."""
     return planned
@@ -204,7 +230,7 @@ def finer(planned: Planned) -> Planned:
     """Return the plan with more positions, where it left some out."""
     if not any(item.name == "resolution" for item in planned.plan.items):
         return planned
-    return resolved(planned, planned.plan.setup(), FINER)
+    return resolved(planned, planned.plan.setup(), FINER, LINES)
 
 
 def plain(planned: Planned) -> Planned:

@@ -11,6 +11,14 @@ Array = NDArray[np.float64]
 FIRST = 6
 
 
+def largest(values: Array) -> Array:
+    """Return the maximum over the short last axis, which NumPy's own reduction takes many times longer for."""
+    found = values[..., 0]
+    for channel in range(1, values.shape[-1]):
+        found = np.maximum(found, values[..., channel])
+    return found
+
+
 def stencil(knots: Array, x: Array, *, even: tuple[float, ...] = (), apart: int = 0) -> tuple[NDArray[np.int64], Array]:
     """Return the four (or fewer) knots around each position and their Lagrange weights.
 

@@ -17,7 +17,7 @@ from brdftab.table import Table
 Array = NDArray[np.float64]
 FLOOR = 1e-9
 EVEN = {"phi": (0.0, math.pi)}
-_BLOCK = 1 << 14
+_BLOCK = 1 << 12
 
 
 def _settings(table: Table) -> tuple[float, int, bool]:
@@ -109,12 +109,14 @@ def _rule(grid: Grid, name: str, x: Array, apart: int, symmetric: bool) -> tuple
 
 def _gather(logs: Array, rules: list[tuple[NDArray[np.int64], Array]]) -> Array:
     """Return sums (N, C) over the products of all axes' stencils."""
-    total = np.zeros((rules[0][0].shape[0], logs.shape[-1]))
-    for pick in np.ndindex(*(index.shape[1] for index, _ in rules)):
-        weight = np.prod([w[:, k] for (_, w), k in zip(rules, pick, strict=True)], axis=0)
-        if weight.any():
-            total += weight[:, None] * logs[tuple(i[:, k] for (i, _), k in zip(rules, pick, strict=True))]
-    return total
+    axes, count = len(rules), rules[0][0].shape[0]
+    where, total = [], np.ones((count,) + (1,) * axes)
+    for axis, (index, weight) in enumerate(rules):
+        shape = [count] + [1] * axes
+        shape[axis + 1] = index.shape[1]
+        where.append(index.reshape(shape))
+        total = total * weight.reshape(shape)
+    return np.einsum("nk,nkc->nc", total.reshape(count, -1), logs[tuple(where)].reshape(count, -1, logs.shape[-1]))
 
 
 def expand(table: Table) -> Table:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -29,6 +29,16 @@ def added_up(values: NDArray[np.floating], luminance: bool) -> NDArray[np.floati
     if not luminance or values.shape[-1] != 3:
         return values
     return (values @ np.array(LUMINANCE))[..., None].astype(values.dtype)
+
+
+_done: set[str] = set()
+
+
+def once(name: str, call: Callable[[], object]) -> None:
+    """Call the first time in a process: it loads or compiles what a time measured after it shall leave out."""
+    if name not in _done:
+        call()
+        _done.add(name)
 
 
 @dataclass(frozen=True)
@@ -197,9 +207,10 @@ class Plan:
 
 @dataclass
 class Planned:
-    """A material's plan, and the engine that it was made with, ready to fill the table."""
+    """A material's plan, and what planning has made already: the engine that fills the table, cells of albedos."""
 
     material: Material
     plan: Plan
     engine: Engine | None = None
     seconds: float = 0.0
+    cells: NDArray[np.float64] | None = None

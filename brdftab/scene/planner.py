@@ -108,7 +108,7 @@ def plan_material(material: Material) -> Planned:
     setup = material.setup()
     noisy = is_stochastic(setup)
     if material.quantity == "albedo" and setup.isotropic and not noisy:
-        planned = Planned(material, albedo.plan(material, setup))
+        planned = albedo.plan(material, setup)
         planned.seconds = time.perf_counter() - started
         return planned
     whole = _whole(material, setup)
@@ -147,7 +147,7 @@ def plan_material(material: Material) -> Planned:
     )
     planned = Planned(material, plan)
     if not noisy:
-        planned = resolved(planned, computed, 1.0)
+        planned = resolved(planned, computed)
     planned.plan = replace(planned.plan, predicted=_bytes(planned.plan, setup) | planned.plan.predicted)
     planned.seconds = time.perf_counter() - started
     return planned
@@ -164,8 +164,8 @@ def _both(cell: float) -> tuple[float, float]:
     return cell, 1.1 * cell
 
 
-def resolved(planned: Planned, setup: Setup, share: float) -> Planned:
-    """Choose the positions of a plan's table; `share` of what interpolation may cost is used."""
+def resolved(planned: Planned, setup: Setup, share: float = 1.0, times: int = 1) -> Planned:
+    """Choose the positions of a plan's table by `times` the lines; `share` of what interpolation may cost is used."""
     plan, started = planned.plan, time.perf_counter()
     assert plan.full is not None
     assert plan.grid is not None
@@ -175,7 +175,7 @@ def resolved(planned: Planned, setup: Setup, share: float) -> Planned:
     grid, apart, rate = plan.grid, 0, 0.0
     if plan.full.isotropic and not plan.full.below:
         allowed = SHARES["resolution"] * plan.tolerance
-        found = keep(engine, plan.full, share * allowed, plan.floor)
+        found = keep(engine, plan.full, share * allowed, plan.floor, plan.dtype, times)
         grid, build, rate = found.grid, build + found.fixed, found.rate
         if grid.size < plan.full.size:
             apart, saved = found.apart, _saved(plan.full.size, grid.size)

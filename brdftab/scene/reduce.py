@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.attempts import MIRROR_NODES
 from brdftab.cells import mirror_average
 from brdftab.engine import Engine
 from brdftab.errors import ParameterError
@@ -18,14 +17,16 @@ from brdftab.evaluation import ORDERS, is_stochastic, singular_setup
 from brdftab.grid import Grid
 from brdftab.materials.fresnel import metal
 from brdftab.models.setup import Setup, resolve
-from brdftab.scene.plan import SHARES, Item
+from brdftab.scene.plan import SHARES, Item, once
 from brdftab.scene.scene import Material
 
 Array = NDArray[np.float64]
 # a stated error is this many times the largest that was measured on the probes
 SAFETY = 3.0
-# cells at the mirror direction among the probes
-MIRRORS = 9
+# cells at the mirror direction among the probes, nodes along each of their coordinates, and pairs that are timed
+MIRRORS, NODES, TIMED = 6, 3, 16
+# both sides of a comparison are evaluated to this share of the tolerance; their errors are alike
+EXACT = 0.1
 # values without which a lobe is gone
 GONE = (("kd", 0.0), ("ior", 1.0), ("f0", 0.0))
 
@@ -47,16 +48,24 @@ class Probes:
             return np.empty((0, 1, 1))
         cells = np.asarray(self.grid.mirror_cells()).reshape(-1, len(self.grid.shape))
         some = cells[np.unique(np.linspace(0, len(cells) - 1, MIRRORS).round().astype(int))] if len(cells) else cells
-        return mirror_average(Engine(setup, tolerance, orders, fast=False), self.grid, some, MIRROR_NODES[0])
+        return mirror_average(Engine(setup, tolerance, orders, fast=False), self.grid, some, NODES)
 
     def values(self, setup: Setup, tolerance: float, orders: int = 0) -> tuple[Array, float]:
         """Return values (N, P, C) by direct evaluation, and the seconds that it took."""
         engine = Engine(setup, tolerance, orders, fast=False)
-        # the first call may compile
-        engine.points(*(a[:1] for a in (self.theta_i, self.theta_o, self.phi, self.phi_i)))
+        once(
+            f"points of {setup.model.name}, {orders}",
+            lambda: engine.points(*(a[:1] for a in (self.theta_i, self.theta_o, self.phi, self.phi_i))),
+        )
         started = time.perf_counter()
         found = engine.points(self.theta_i, self.theta_o, self.phi, self.phi_i)
         return found, time.perf_counter() - started
+
+    def some(self, count: int) -> Probes:
+        """Return about `count` of the pairs, evenly picked."""
+        step = max(1, self.theta_i.size // count)
+        theta_i, theta_o, phi, phi_i = (a[::step] for a in (self.theta_i, self.theta_o, self.phi, self.phi_i))
+        return Probes(theta_i, theta_o, phi, phi_i, self.floor, self.grid)
 
     def error(self, found: Array, reference: Array) -> float:
         """Return the largest difference (N, C), relative to the largest channel or the floor."""
@@ -105,17 +114,22 @@ def fewer_bounces(setup: Setup, material: Material, probes: Probes, tolerance: f
     model = setup.model
     if model.components != ("order",) or not model.has("max_bounces") or setup.max_bounces is not None:
         return None
-    parts, _ = probes.values(setup, 0.1 * tolerance, ORDERS)
-    averages = probes.averages(setup, 0.1 * tolerance, ORDERS)
+    parts, _ = probes.values(setup, EXACT * tolerance, ORDERS)
+    allowed = SHARES["bounces"] * tolerance
+
+    def left_out(cap: int) -> float:
+        return SAFETY * probes.error(parts[:, :cap].sum(axis=1), parts.sum(axis=1))
+
+    if left_out(ORDERS) > allowed:
+        return None
+    averages = probes.averages(setup, EXACT * tolerance, ORDERS)
     if len(averages):
         parts = np.concatenate([parts, averages])
-    total = parts.sum(axis=1)
-    allowed = SHARES["bounces"] * tolerance
     for cap in range(1, ORDERS + 1):
-        error = SAFETY * probes.error(parts[:, :cap].sum(axis=1), total)
+        error = left_out(cap)
         if error <= allowed:
             capped = resolve(model.name, **{**setup.parameters, "max_bounces": cap})
-            seconds, quick = (probes.values(s, 0.1 * tolerance)[1] for s in (setup, capped))
+            seconds, quick = (probes.some(TIMED).values(s, EXACT * tolerance)[1] for s in (setup, capped))
             told = f"bounces beyond {cap} do not show between these lights and views"
             saved = max(0.0, 1.0 - quick / max(seconds, 1e-9))
             return capped, Item("bounces", told, "measured", error, 1.1 * error, time=saved)
@@ -137,8 +151,8 @@ def fewer_lobes(setup: Setup, material: Material, probes: Probes, tolerance: flo
         except ParameterError:
             continue
         if reference is None:
-            reference, seconds = probes.values(setup, 0.1 * tolerance)
-        found, quick = probes.values(reduced, 0.1 * tolerance)
+            reference, seconds = probes.values(setup, EXACT * tolerance)
+        found, quick = probes.values(reduced, EXACT * tolerance)
         error = SAFETY * probes.error(np.broadcast_to(found[:, 0], reference[:, 0].shape), reference[:, 0])
         if error <= SHARES["lobe"] * tolerance:
             channels = 1.0 - len(reduced.channels) / len(setup.channels)

@@ -12,18 +12,20 @@ from brdftab.engine import Engine
 from brdftab.evaluation import singular_setup
 from brdftab.grid import Grid
 from brdftab.scene.angles import part
-from brdftab.scene.knots import choose, to_log
+from brdftab.scene.knots import choose, largest, to_log
 from brdftab.scene.lookup import EVEN, expanded
-from brdftab.scene.plan import Plan, added_up
+from brdftab.scene.plan import Plan, added_up, once
 from brdftab.table import Table
 
 Array = NDArray[np.float64]
 # polar angles of the light and of the view, and azimuths, on which lines are drawn
-ROWS, COLUMNS, AZIMUTHS = 8, 24, 6
+ROWS, COLUMNS, AZIMUTHS = 6, 24, 6
+# how much denser azimuths gather at the mirror side, where highlights are
+MIRRORED = 3.0
 # axes share what interpolation may cost; a part is kept back
 AXES = 4.0
 # lines that the choice looks at: at each position those that bend most, a few more at random
-BENT, MORE = 2, 48
+BENT, MORE = 2, 32
 
 
 @dataclass(frozen=True)
@@ -49,32 +51,33 @@ class Kept:
     rate: float
 
 
-def _spread(count: int, least: int) -> NDArray[np.int64]:
-    """Return up to `least` indices, the ends among them, the upper end denser."""
-    share = 1.0 - (1.0 - np.linspace(0.0, 1.0, min(least, count))) ** 1.5
+def _spread(count: int, least: int, power: float = 1.5) -> NDArray[np.int64]:
+    """Return up to `least` indices, the ends among them, the upper end denser by a power."""
+    share = 1.0 - (1.0 - np.linspace(0.0, 1.0, min(least, count))) ** power
     return np.unique(np.round(share * (count - 1)).astype(np.int64))
 
 
-def _slab(engine: Engine, grid: Grid, picked: dict[str, NDArray[np.int64]]) -> Array:
-    """Return values (I, O, P, C) at some positions of each axis."""
+def _slab(engine: Engine, grid: Grid, picked: dict[str, NDArray[np.int64]], dtype: str) -> Array:
+    """Return values (I, O, P, C) at some positions of each axis, computed as a table of that type is."""
     axes = [grid.axes[name][picked[name]] if name in picked else grid.axes[name] for name in grid.axis_names]
-    out = np.empty((engine.layers, *(a.size for a in axes), len(engine.setup.channels)))
+    out = np.empty((engine.layers, *(a.size for a in axes), len(engine.setup.channels)), dtype)
     engine.fill(axes[0], axes[1], axes[2], out)
-    return out.sum(axis=0)
+    return out.sum(axis=0, dtype=np.float64)
 
 
-def _bent(lines: Array, floor: float) -> Array:
+def _bent(lines: Array, floor: float, times: int) -> Array:
     """Return the largest channel (N, L) of the lines (N, M, C) that bend most at any position, and of a few others."""
-    lines = lines.max(axis=-1)
-    if lines.shape[0] < 3 or lines.shape[1] <= BENT * lines.shape[0] + MORE:
+    lines = largest(lines)
+    most, more = times * BENT, times * MORE
+    if lines.shape[0] < 3 or lines.shape[1] <= most * lines.shape[0] + more:
         return lines
     bend = np.abs(np.diff(to_log(lines, floor), 2, axis=0))
-    most = np.argpartition(bend, -BENT, axis=1)[:, -BENT:]
-    others = np.random.default_rng(0).integers(0, lines.shape[1], MORE)
-    return lines[:, np.union1d(most, others)]
+    bent = np.argpartition(bend, -most, axis=1)[:, -most:]
+    others = np.random.default_rng(0).integers(0, lines.shape[1], more)
+    return lines[:, np.union1d(bent, others)]
 
 
-def keep(engine: Engine, grid: Grid, tolerance: float, floor: float) -> Kept:
+def keep(engine: Engine, grid: Grid, tolerance: float, floor: float, dtype: str, times: int = 1) -> Kept:
     """Choose the positions of an isotropic grid between which cubics in log f meet a tolerance.
 
     Parameters
@@ -87,10 +90,14 @@ def keep(engine: Engine, grid: Grid, tolerance: float, floor: float) -> Kept:
         Relative error that interpolation may cause.
     floor : float
         1/sr.
+    dtype : str
+        Type of the table.
+    times : int
+        So many times as many lines are looked at.
 
     Notes
     -----
-    Lines along theta cross all lights, views and six azimuths, the mirror side among them; lines along phi cross eight
+    Lines along theta cross all lights, views and six azimuths, the mirror side among them; lines along phi cross six
     lights, their mirror views and others. Where the mirror direction is singular, polar angles are all kept, and the
     last azimuth, whose cells hold averages, stands apart.
     """
@@ -98,27 +105,27 @@ def keep(engine: Engine, grid: Grid, tolerance: float, floor: float) -> Kept:
     allowed = tolerance / AXES
     singular = singular_setup(engine.setup) is not None
     apart = 1 if singular and grid.cell == "center" and grid.phi.size > 2 else 0
-    rows = _spread(grid.theta_i.size, ROWS)
+    rows = _spread(grid.theta_i.size, times * ROWS)
     mirrored = np.searchsorted(grid.theta_o, grid.theta_i[rows]).clip(0, grid.theta_o.size - 1)
-    columns = np.union1d(_spread(grid.theta_o.size, COLUMNS), mirrored)
-    # the first fill may load or compile
-    _slab(engine, grid, {name: np.arange(min(2, axis.size)) for name, axis in grid.axes.items()})
+    columns = np.union1d(_spread(grid.theta_o.size, times * COLUMNS), mirrored)
+    few = {name: np.arange(min(2, axis.size)) for name, axis in grid.axes.items()}
+    once(f"fill of {engine.setup.model.name}, {engine.is_fast}", lambda: _slab(engine, grid, few, dtype))
     started = time.perf_counter()
-    across = _slab(engine, grid, {"theta_i": rows, "theta_o": columns})
+    across = _slab(engine, grid, {"theta_i": rows, "theta_o": columns}, dtype)
     slabs = [(across[..., 0].size, time.perf_counter() - started)]
     kept, error = {}, 0.0
     lines = np.moveaxis(across, 2, 0).reshape(grid.phi.size, -1, across.shape[-1])
-    kept["phi"], worst = choose(grid.phi, _bent(lines, floor), allowed, floor, even=EVEN["phi"], apart=apart)
+    kept["phi"], worst = choose(grid.phi, _bent(lines, floor, times), allowed, floor, even=EVEN["phi"], apart=apart)
     error += worst
     if not singular:
         started = time.perf_counter()
-        azimuths = np.union1d(grid.phi.size - 1 - _spread(grid.phi.size, AZIMUTHS), [0, grid.phi.size - 1])
-        along = _slab(engine, grid, {"phi": azimuths})
+        azimuths = _spread(grid.phi.size, times * AZIMUTHS, MIRRORED)
+        along = _slab(engine, grid, {"phi": azimuths}, dtype)
         halved = 2 if grid.square and engine.setup.model.reciprocal else 1
         slabs.append((along[..., 0].size // halved, time.perf_counter() - started))
         for axis, name in enumerate(("theta_i", "theta_o")):
             lines = np.moveaxis(along, axis, 0).reshape(along.shape[axis], -1, along.shape[-1])
-            kept[name], worst = choose(grid.axes[name], _bent(lines, floor), allowed, floor)
+            kept[name], worst = choose(grid.axes[name], _bent(lines, floor, times), allowed, floor)
             error += worst
         if grid.square:
             kept["theta_i"] = kept["theta_o"] = np.union1d(kept["theta_i"], kept["theta_o"])
@@ -148,9 +155,9 @@ def largest_error(engine: Engine, table: Table, plan: Plan, seed: int) -> float:
         picked[name] = np.sort(rng.choice(count, min(most, count), replace=False))
     mirrored = np.searchsorted(full.theta_o, full.theta_i[picked["theta_i"]]).clip(0, full.theta_o.size - 1)
     picked["theta_o"] = np.union1d(picked["theta_o"], mirrored)
-    right = added_up(_slab(engine, full, picked), plan.luminance)
+    right = added_up(_slab(engine, full, picked, plan.dtype), plan.luminance)
     found = expanded(table, full, picked)
     if plan.apart:
         right, found = right[:, :, : -plan.apart], found[:, :, : -plan.apart]
-    scale = np.maximum(np.abs(right).max(axis=-1), plan.floor)
-    return float((np.abs(found - right).max(axis=-1) / scale).max(initial=0.0))
+    scale = np.maximum(largest(np.abs(right)), plan.floor)
+    return float((largest(np.abs(found - right)) / scale).max(initial=0.0))

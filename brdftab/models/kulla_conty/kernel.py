@@ -14,18 +14,18 @@ from brdftab.models.microfacet.single_table import SingleBounceTable, build
 from brdftab.models.setup import Setup
 
 
-def strength(setup: Setup) -> np.ndarray:
+def strength(setup: Setup, tolerance: float = 0.0) -> np.ndarray:
     """Return F_ms/(pi (1 - E_avg)) (C,): the lobe is this times 1 - E of both directions."""
     assert setup.fresnel is not None
-    average = average_albedo(MASKINGS[setup.values["masking"]], setup.ndf, setup.alpha_x)
+    average = average_albedo(MASKINGS[setup.values["masking"]], setup.ndf, setup.alpha_x, tolerance)
     f = average_reflectance(setup.fresnel)
     lobe = f * f * average / (1.0 - f * (1.0 - average)) / (math.pi * (1.0 - average))
     return np.asarray(lobe @ setup.fresnel.weights)
 
 
-def lacking(setup: Setup, theta: np.ndarray) -> np.ndarray:
+def lacking(setup: Setup, theta: np.ndarray, tolerance: float = 0.0) -> np.ndarray:
     """Return 1 - E (N,), the energy that single bounces miss at each polar angle; 0 at the horizon and below."""
-    return missing(setup, MASKINGS[setup.values["masking"]], theta)
+    return missing(setup, MASKINGS[setup.values["masking"]], theta, tolerance)
 
 
 def points(
@@ -38,32 +38,32 @@ def points(
     orders: int,
     tolerance: float,
 ) -> np.ndarray:
-    """Evaluate at N pairs of directions (radians); returns (N, P, C) in 1/sr, good to 1e-9 for any `tolerance`."""
+    """Evaluate at N pairs of directions (radians); returns (N, P, C) in 1/sr, to 1e-9 below a tolerance of 1e-4."""
     first = evaluate_points(setup, MASKINGS[setup.values["masking"]], theta_i, theta_o, phi, phi_i)
-    product = lacking(setup, theta_i) * lacking(setup, theta_o)
-    lobe = product[:, None, None] * strength(setup)
+    product = lacking(setup, theta_i, tolerance) * lacking(setup, theta_o, tolerance)
+    lobe = product[:, None, None] * strength(setup, tolerance)
     return np.concatenate([first, lobe], axis=1) if orders else first + lobe
 
 
 class Prepared:
     """Fast product-grid tables: those of the single bounce, and the lobe on top."""
 
-    def __init__(self, setup: Setup, single: SingleBounceTable) -> None:
-        self._setup, self._single = setup, single
-        self._strength = strength(setup)
+    def __init__(self, setup: Setup, single: SingleBounceTable, tolerance: float) -> None:
+        self._setup, self._single, self._tolerance = setup, single, tolerance
+        self._strength = strength(setup, tolerance)
 
     def points(self, theta_i: np.ndarray, theta_o: np.ndarray, phi: np.ndarray, phi_i: np.ndarray) -> np.ndarray:
         """Evaluate at N pairs of directions (radians); returns (N, 1, C) in 1/sr."""
-        return points(self._setup, theta_i, theta_o, phi, phi_i, orders=0, tolerance=0.0)
+        return points(self._setup, theta_i, theta_o, phi, phi_i, orders=0, tolerance=self._tolerance)
 
     def fill(self, theta_i: np.ndarray, theta_o: np.ndarray, phi: np.ndarray, square: bool, out: np.ndarray) -> None:
         """Fill out (I, O, P, C) on a product grid of radians."""
         self._single.fill(theta_i, theta_o, phi, square, out)
-        product = np.outer(lacking(self._setup, theta_i), lacking(self._setup, theta_o))
+        product = np.outer(*(lacking(self._setup, theta, self._tolerance) for theta in (theta_i, theta_o)))
         out += (product[:, :, None, None] * self._strength).astype(out.dtype)
 
 
 def prepare(setup: Setup, tolerance: float, trial: bool = False) -> Any:
     """Return the fast product-grid tables, or None where only `points` holds the tolerance."""
     single = build(setup, MASKINGS[setup.values["masking"]], tolerance)
-    return None if single is None else Prepared(setup, single)
+    return None if single is None else Prepared(setup, single, tolerance)

@@ -14,22 +14,26 @@ from brdftab.jit import kernel
 from brdftab.materials.fresnel import Fresnel, reflectance
 
 DEGREES = (8, 10, 13, 16)
+# errors of log F allowed: as a part of the cosine, and in all
+STEEP, FLAT = 10.0, 3.0
 
 
 def fit(fresnel: Fresnel, tolerance: float) -> np.ndarray | None:
-    """Return coefficients (W, P) of log F without constant term, or None if no degree reaches the relative tolerance.
+    """Return coefficients (W, P) of log F without constant term, or None if no degree reaches the tolerance.
 
-    F(0) = 1 holds exactly for every kind of reflectance.
+    F(0) = 1 holds exactly for every kind of reflectance. Many bounces at small cosines add up their errors: these stay
+    below a multiple of the cosine itself.
     """
     cosine = 0.5 * (1.0 - np.cos(np.pi * (np.arange(400) + 0.5) / 400.0))
     value = reflectance(fresnel, cosine)
     if not (value > 0.0).all():
         return None
-    logs = np.log(value)
+    slopes = np.log(value) / cosine[:, None]
     for degree in DEGREES:
-        basis = cosine[:, None] ** np.arange(1, degree + 1)
-        coefficients = np.linalg.lstsq(basis, logs, rcond=None)[0]
-        if np.abs(basis @ coefficients - logs).max() <= tolerance:
+        basis = cosine[:, None] ** np.arange(degree)
+        coefficients = np.linalg.lstsq(basis, slopes, rcond=None)[0]
+        error = np.abs(basis @ coefficients - slopes).max(axis=1)
+        if error.max() <= STEEP * tolerance and (error * cosine).max() <= FLAT * tolerance:
             return np.ascontiguousarray(coefficients.T)
     return None
 

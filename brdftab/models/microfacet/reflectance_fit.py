@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -88,11 +89,18 @@ def _series(fresnel: Fresnel, mapping: tuple[float, float, float, float]) -> np.
 
 def _powers(series: np.ndarray) -> np.ndarray:
     """Return the power coefficients (C, K), highest first, of Chebyshev series (K, C)."""
-    coefficients = np.zeros(series.T.shape)
-    for row, column in zip(coefficients, series.T, strict=True):
-        powers = np.polynomial.chebyshev.cheb2poly(column)
-        row[row.size - powers.size :] = powers[::-1]
-    return coefficients
+    return (_to_powers()[: len(series), : len(series)].T @ series)[::-1].T
+
+
+@cache
+def _to_powers() -> np.ndarray:
+    """Return the power coefficients, lowest first, of the Chebyshev polynomials, a row each."""
+    rows = np.zeros((DEGREES[-1] + 1, DEGREES[-1] + 1))
+    rows[0, 0] = rows[1, 1] = 1.0
+    for n in range(2, len(rows)):
+        rows[n, 1:] = 2.0 * rows[n - 1, :-1]
+        rows[n] -= rows[n - 2]
+    return rows
 
 
 def _fit_zone(fresnel: Fresnel, start: float, target: float, dtype: type) -> tuple[np.ndarray, np.ndarray, float]:

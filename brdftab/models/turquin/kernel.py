@@ -23,9 +23,9 @@ def weighted(setup: Setup) -> Setup:
     return replace(setup, fresnel=replace(fresnel, weights=f0[:, None] * fresnel.weights))
 
 
-def excess(setup: Setup, theta_o: np.ndarray) -> np.ndarray:
+def excess(setup: Setup, theta_o: np.ndarray, tolerance: float = 0.0) -> np.ndarray:
     """Return (1 - E)/E (N,) at the views."""
-    lost = missing(setup, MASKINGS[setup.values["masking"]], theta_o)
+    lost = missing(setup, MASKINGS[setup.values["masking"]], theta_o, tolerance, divided=False)
     return lost / (1.0 - lost)
 
 
@@ -39,23 +39,23 @@ def points(
     orders: int,
     tolerance: float,
 ) -> np.ndarray:
-    """Evaluate at N pairs of directions (radians); returns (N, P, C) in 1/sr, good to 1e-9 for any `tolerance`."""
+    """Evaluate at N pairs of directions (radians); returns (N, P, C) in 1/sr, to 1e-9 below a tolerance of 1e-4."""
     masking = MASKINGS[setup.values["masking"]]
     first = evaluate_points(setup, masking, theta_i, theta_o, phi, phi_i)
     more = evaluate_points(weighted(setup), masking, theta_i, theta_o, phi, phi_i)
-    more *= excess(setup, theta_o)[:, None, None]
+    more *= excess(setup, theta_o, tolerance)[:, None, None]
     return np.concatenate([first, more], axis=1) if orders else first + more
 
 
 class Prepared:
     """Fast product-grid tables: two single bounces, of which one is scaled by the view."""
 
-    def __init__(self, setup: Setup, first: SingleBounceTable, more: SingleBounceTable) -> None:
-        self._setup, self._first, self._more = setup, first, more
+    def __init__(self, setup: Setup, first: SingleBounceTable, more: SingleBounceTable, tolerance: float) -> None:
+        self._setup, self._first, self._more, self._tolerance = setup, first, more, tolerance
 
     def points(self, theta_i: np.ndarray, theta_o: np.ndarray, phi: np.ndarray, phi_i: np.ndarray) -> np.ndarray:
         """Evaluate at N pairs of directions (radians); returns (N, 1, C) in 1/sr."""
-        return points(self._setup, theta_i, theta_o, phi, phi_i, orders=0, tolerance=0.0)
+        return points(self._setup, theta_i, theta_o, phi, phi_i, orders=0, tolerance=self._tolerance)
 
     def fill(self, theta_i: np.ndarray, theta_o: np.ndarray, phi: np.ndarray, square: bool, out: np.ndarray) -> None:
         """Fill out (I, O, P, C) on a product grid of radians."""
@@ -63,11 +63,11 @@ class Prepared:
         more = np.empty(out.shape, dtype=out.dtype)
         self._first.fill(theta_i, theta_o, phi, same, out)
         self._more.fill(theta_i, theta_o, phi, same, more)
-        out += more * excess(self._setup, theta_o).astype(out.dtype)[:, None, None]
+        out += more * excess(self._setup, theta_o, self._tolerance).astype(out.dtype)[:, None, None]
 
 
 def prepare(setup: Setup, tolerance: float, trial: bool = False) -> Any:
     """Return the fast product-grid tables, or None where only `points` holds the tolerance."""
     masking = MASKINGS[setup.values["masking"]]
     first, more = build(setup, masking, tolerance), build(weighted(setup), masking, tolerance)
-    return None if first is None or more is None else Prepared(setup, first, more)
+    return None if first is None or more is None else Prepared(setup, first, more, tolerance)

@@ -14,7 +14,7 @@ import numba
 import numpy as np
 
 from brdftab.jit import kernel, parallel_kernel
-from brdftab.materials.fresnel import Fresnel
+from brdftab.materials.fresnel import Fresnel, reflectance
 from brdftab.models.microfacet.frame import groove_plane, pair
 from brdftab.models.microfacet.logfresnel import fit
 from brdftab.models.microfacet.ndf import density
@@ -22,6 +22,7 @@ from brdftab.models.microfacet.project import arguments, thinned, unit_gauss
 from brdftab.models.setup import Setup
 from brdftab.models.vgroove_nonsym.bounces import NODES, add_bounces
 from brdftab.models.vgroove_nonsym.first_order import mean_masking
+from brdftab.models.vgroove_nonsym.kernel import PAIRED, points
 from brdftab.models.vgroove_nonsym.panels import CUTS
 
 PI = math.pi
@@ -31,8 +32,14 @@ TINY = 1e-300
 MIRROR = 1e-14
 # the tightest tolerance that the fixed grid can hold
 REACH = 8e-4
-# rows in M, columns in m, projected lengths: measured in benchmarks/nonsym_interpolant.py
-ROWS, COLUMNS, LENGTHS = 113, 145, 9
+# rows in M and columns in m: the smaller is tried from a tolerance on
+SIZES, LOOSE = ((57, 73), (113, 145)), 2e-3
+# a grid that compiles the kernels
+TRIAL = (5, 9)
+# projected lengths for bright reflectances and for those below a part at normal incidence
+LENGTHS, MORE, DIM = 9, 12, 0.3
+# a finished grid is compared with direct sums of this tolerance at this many directions in each of five cones
+CHECKS, CHECKED_TO = 8, 3e-5
 F_CELLS = 4096
 DEPTH = 120.0
 # logarithms below this are so small that straight interpolation, which cannot overshoot, serves
@@ -47,7 +54,9 @@ def _peak_shift(d, shape):
 
 
 @parallel_kernel
-def _build(order, ndf, shape, k_explicit, k_cap, tail, gauss, fresnel, coefficients, powers, weights, inverse, grid):
+def _build(
+    order, ndf, shape, k_explicit, k_cap, pair_from, tail, gauss, fresnel, coefficients, powers, weights, inverse, grid
+):
     rows, columns, _ = grid.shape
     channels = weights.shape[1]
     for index in numba.prange(rows):
@@ -63,7 +72,7 @@ def _build(order, ndf, shape, k_explicit, k_cap, tail, gauss, fresnel, coefficie
             small = big * math.sin(HALF_PI * (2.0 * j / (columns - 1.0) - 1.0))
             shift = _peak_shift(0.5 * (big - small), shape) if ndf == 0 else 0.0
             acc[:] = 0.0
-            rule = (gauss, False, shift + DEPTH, 3.0)
+            rule = (gauss, False, shift + DEPTH, pair_from)
             total = add_bounces(
                 big, small, ndf, shape, shift, k_explicit, k_cap, tail, rule, fresnel, 1.0, series, work, acc
             )
@@ -215,31 +224,33 @@ class Interpolant:
         Reflectance of orders two and above, maybe with fewer wavelengths than the setup's.
     coefficients : ndarray (W, P)
         Polynomial of log F from `logfresnel.fit`.
-    trial : bool
-        Take a coarse grid, to compile the kernels only.
+    size : (int, int)
+        Rows and columns of the grid.
     """
 
-    def __init__(self, setup: Setup, fresnel: Fresnel, coefficients: np.ndarray, trial: bool) -> None:
+    def __init__(self, setup: Setup, fresnel: Fresnel, coefficients: np.ndarray, size: tuple[int, int]) -> None:
         weights = np.ascontiguousarray(fresnel.weights)
         k_cap = 2_000_000_000 if setup.max_bounces is None else setup.max_bounces
         # nodes in L that leave out 0, where the ratio is known to be 1, and include 1
-        n = np.arange(1, LENGTHS + 1)
-        lengths = (0.5 * (1.0 - np.cos(np.pi * n / LENGTHS))) ** 2
+        count = MORE if reflectance(fresnel, np.ones(1)).min() < DIM else LENGTHS
+        n = np.arange(1, count + 1)
+        lengths = (0.5 * (1.0 - np.cos(np.pi * n / count))) ** 2
         inverse = np.linalg.inv(np.sqrt(lengths)[:, None] ** n[None, :])
         powers = np.ascontiguousarray(lengths[None, :] ** np.arange(1, coefficients.shape[1] + 1)[:, None])
-        entries = 1 if fresnel.kind == 0 else 1 + LENGTHS * weights.shape[1]
-        rows, columns = (5, 9) if trial else (ROWS, COLUMNS)
-        grid = np.empty((rows, columns, entries))
+        entries = 1 if fresnel.kind == 0 else 1 + count * weights.shape[1]
+        rows = size[0]
+        grid = np.empty((*size, entries))
         many_bounces = k_cap >= 2
         if many_bounces:
             order = np.random.default_rng(0).permutation(rows)
-            ndf, shape, tail, gauss = setup.ndf, setup.alpha_x, unit_gauss(3), unit_gauss(5)
+            ndf, shape, tail, gauss = setup.ndf, setup.alpha_x, unit_gauss(3), unit_gauss(6)
             _build(
                 order,
                 ndf,
                 shape,
                 16,
                 k_cap,
+                PAIRED,
                 tail,
                 gauss,
                 arguments(fresnel, 0.0),
@@ -277,19 +288,37 @@ def build(setup: Setup, tolerance: float, trial: bool = False) -> Interpolant | 
     assert setup.fresnel is not None
     if setup.ndf == 2 or not setup.isotropic or tolerance < REACH or not 0.02 <= setup.alpha_x <= 2.0:
         return None
-    if setup.fresnel.kind == 0:
-        return Interpolant(setup, setup.fresnel, np.zeros((1, 0)), trial)
-    fresnel = thinned(setup, 0.3 * tolerance)
-    coefficients = fit(fresnel, 0.05 * tolerance)
-    if coefficients is None:
-        return None
-    return Interpolant(setup, fresnel, coefficients, trial)
+    fresnel, coefficients = setup.fresnel, np.zeros((1, 0))
+    if fresnel.kind != 0:
+        fresnel = thinned(setup, 0.3 * tolerance)
+        found = fit(fresnel, 0.05 * tolerance)
+        if found is None:
+            return None
+        coefficients = found
+    if trial:
+        return Interpolant(setup, fresnel, coefficients, TRIAL)
+    for size in SIZES[0 if tolerance >= LOOSE else 1 :]:
+        made = Interpolant(setup, fresnel, coefficients, size)
+        if _worst(setup, made) <= tolerance:
+            return made
+    return None
+
+
+def _worst(setup: Setup, made: Interpolant) -> float:
+    """Return the largest relative error at fixed directions, most of them steep: there lengths and orders vary most."""
+    random = np.random.default_rng(0)
+    top = np.radians(np.repeat([0.5, 5.0, 20.0, 45.0, 88.0], CHECKS))
+    theta_i, theta_o = top * random.uniform(0.1, 1.0, (2, top.size))
+    phi = np.pi - np.where(np.arange(top.size) % 2, 0.02, np.pi) * random.random(top.size)
+    phi_i = np.zeros(top.size)
+    right = points(setup, theta_i, theta_o, phi, phi_i, orders=0, tolerance=CHECKED_TO)
+    # channels made of signed spectral weights may pass through zero
+    scale = np.maximum(np.abs(right), 0.1 * np.abs(right).max(axis=-1, keepdims=True)) + TINY
+    return float((np.abs(made.points(theta_i, theta_o, phi, phi_i) - right) / scale).max())
 
 
 def _projected_table(setup: Setup) -> np.ndarray:
     """Return F per channel at F_CELLS + 1 equidistant cosines."""
-    from brdftab.materials.fresnel import reflectance
-
     assert setup.fresnel is not None
     cosine = np.linspace(0.0, 1.0, F_CELLS + 1)
     return np.ascontiguousarray(reflectance(setup.fresnel, cosine) @ setup.fresnel.weights)

@@ -25,6 +25,16 @@ MIRROR = 1e-14
 # orders whose peak lies this many e-folds below the first order's cannot change a float64 sum
 DEPTH = 45.0
 SERIES_REACH = 1e-5
+# tolerance from which on: explicit orders, tail nodes, nodes a panel, fine cuts; dim facets take the nodes, mirrors the
+# orders: (16, 3, 5) left 1e-3 of both
+RULES = (
+    (5e-4, (16, 3, 6, False)),
+    (1e-4, (32, 6, 7, False)),
+    (1e-6, (32, 6, 8, True)),
+    (0.0, (64, 10, 14, True)),
+)
+# from this order on two tilts stand for all, which costs up to 3e-4 where a metal absorbs (order 4: 2.4e-3)
+PAIRED, PAIRED_REACH = 7.0, 5e-4
 
 
 @kernel
@@ -104,11 +114,7 @@ def _points(theta_i, theta_o, phi, phi_i, ndf, alpha_x, alpha_y, fresnel, weight
 
 def rule(tolerance: float) -> tuple[int, int, int, bool]:
     """Return explicit orders, tail nodes, nodes a panel, fine scale cuts, for a relative tolerance."""
-    if tolerance >= 1e-4:
-        return 16, 3, 5, False
-    if tolerance >= 1e-6:
-        return 32, 6, 8, True
-    return 64, 10, 14, True
+    return next(found for least, found in RULES if tolerance >= least)
 
 
 def arrays(setup: Setup, tolerance: float) -> tuple[Any, ...]:
@@ -123,7 +129,7 @@ def arrays(setup: Setup, tolerance: float) -> tuple[Any, ...]:
         unit_gauss(nodes),
         fine,
         unit_gauss(20),
-        4.0 if tolerance >= 1e-4 else math.inf,
+        PAIRED if tolerance >= PAIRED_REACH else math.inf,
     )
     weights = np.ascontiguousarray(setup.fresnel.weights)
     coefficients = None
