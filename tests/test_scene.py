@@ -159,13 +159,13 @@ def test_albedo_alone_needs_no_table_of_directions():
 
 
 def test_singular_models_keep_their_mirror_cells():
-    keys = {"model": "vgroove-sym", "grid": "12x12x24", "parameters": {"alpha": 0.5, "material": "mirror"}}
+    keys = {"model": "vgroove-sym", "grid": "12x12x72", "parameters": {"alpha": 0.5, "material": "mirror"}}
     _, plan, table = made(**keys)
     assert plan.apart == 1
     assert table.values.shape[:2] == (12, 12)
-    whole = brdftab.tabulate("vgroove-sym", "12x12x24", alpha=0.5, material="mirror", tolerance=1e-4)
-    # the averages of mirror cells, by 7 nodes: 2.3e-6
-    assert np.allclose(expand(table).values[:, :, -1], whole.values[:, :, -1], rtol=1e-5)
+    whole = brdftab.tabulate("vgroove-sym", "12x12x72", alpha=0.5, material="mirror", tolerance=1e-4)
+    # the averages of mirror cells, by 4 nodes instead of 7: 2.5e-4
+    assert np.allclose(expand(table).values[:, :, -1], whole.values[:, :, -1], rtol=3e-4)
 
 
 def test_layers_of_scratches_below_the_tolerance_go(tmp_path):
@@ -242,7 +242,7 @@ def test_choice_meets_its_tolerance_with_few_positions():
     found = np.exp(matrix(x[kept], x) @ np.log(lines[kept]))
     assert error == pytest.approx(float((np.abs(found - lines) / lines).max()), rel=1e-6)
     assert error <= 1e-3
-    assert kept.size < 40
+    assert kept.size < 45
 
 
 def test_part_of_a_grid_keeps_the_edges_of_neighbours():

@@ -65,6 +65,9 @@ class Model:
         Named components; ``("order",)`` means one a bounce order.
     singular : bool
         True where the density is infinite at the mirror direction, so that a cell there holds an average.
+    kinked : bool
+        True where the masking of a V-cavity sets in with an edge (with ``masking = smith`` it does not), so that tables
+        to be interpolated are looked at more closely.
     multibounce : bool
         True where ``max_bounces`` applies.
     citation, doi : str
@@ -95,6 +98,7 @@ class Model:
     variant: str
     errata: str = ""
     singular: bool = False
+    kinked: bool = False
     multibounce: bool = False
     transmits: bool = False
     reciprocal: bool = True

@@ -31,9 +31,7 @@ from brdftab.tabulation import tabulate
 Array = NDArray[np.float64]
 CHECKS = 256
 # the check may find this share of what is promised; a maximum over all cells exceeds one over a few
-PART = 0.5
-# share of what interpolation may cost in a second attempt, which looks at so many times as many lines
-FINER, LINES = 0.5, 3
+PART = 0.33
 # nodes of mirror cells from a tolerance on: with three axes 4 leave up to 2e-4 of a cell, with four axes, whose cells
 # are wide, 6 leave 9e-4, 7 leave 3e-4 and 9 leave 1e-4
 MIRROR_RULES = {
@@ -67,9 +65,11 @@ def filled(plan: Plan, engine: Engine | None, progress: Progress | None = None) 
         "parameters": plan.given,
         "tolerance": plan.tolerance,
         "components": False,
-        "plan": plan.to_json(),
     }
-    return Table(values, plan.grid, channels, {}, None, provenance, __version__), run
+    table = Table(values, plan.grid, channels, {}, None, provenance, __version__)
+    # plain JSON already
+    table.provenance["plan"] = plan.to_json()
+    return table, run
 
 
 def _mirror_nodes(plan: Plan) -> int:
@@ -230,7 +230,7 @@ def finer(planned: Planned) -> Planned:
     """Return the plan with more positions, where it left some out."""
     if not any(item.name == "resolution" for item in planned.plan.items):
         return planned
-    return resolved(planned, planned.plan.setup(), FINER, LINES)
+    return resolved(planned, planned.plan.setup(), 1)
 
 
 def plain(planned: Planned) -> Planned:

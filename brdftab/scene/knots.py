@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 FIRST = 6
+# neighbours to either side that count, and the share of them from which on a position is kept, too
+REACH, DENSE = 4, 0.5
 
 
 def largest(values: Array) -> Array:
@@ -47,7 +49,7 @@ def stencil(knots: Array, x: Array, *, even: tuple[float, ...] = (), apart: int 
                 continue
             two = np.arange(2) if centre <= inner[0] else np.arange(inner.size - 2, inner.size)
             mirrored = 2.0 * centre - inner[two]
-            fresh = ~np.isclose(mirrored, inner[two], atol=1e-12)
+            fresh = np.abs(mirrored - inner[two]) > 1e-12
             extended, origin = np.concatenate([extended, mirrored[fresh]]), np.concatenate([origin, two[fresh]])
         order = np.argsort(extended)
         extended, origin = extended[order], origin[order]
@@ -55,7 +57,7 @@ def stencil(knots: Array, x: Array, *, even: tuple[float, ...] = (), apart: int 
     start = np.clip(np.searchsorted(extended, x, side="right") - size // 2, 0, extended.size - size)
     at = start[:, None] + np.arange(size)
     index, weight = origin[at], _lagrange(extended[at], x)
-    exact = np.isclose(extended[at], x[:, None], rtol=0.0, atol=1e-12)
+    exact = np.abs(extended[at] - x[:, None]) <= 1e-12
     hit = exact.any(axis=1)
     weight[hit] = exact[hit] / exact[hit].sum(axis=1, keepdims=True)
     if apart:
@@ -99,6 +101,21 @@ def from_log(logs: Array, floor: float) -> Array:
     return np.sinh(np.clip(logs, -700.0, 700.0)) * (0.02 * floor)
 
 
+def _closed(kept: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """Return positions with the left-out ones of dense neighbourhoods.
+
+    What bends the lines that are looked at bends others beside: edges wander with the other angles.
+    """
+    there = np.zeros(count + 2 * REACH)
+    there[kept + REACH] = 1.0
+    there[:REACH], there[count + REACH :] = (
+        there[2 * REACH - 1 : REACH - 1 : -1],
+        there[count + REACH - 1 : count - 1 : -1],
+    )
+    share = np.convolve(there, np.full(2 * REACH + 1, 1.0 / (2 * REACH + 1)), "valid")
+    return np.union1d(kept, np.flatnonzero(share >= DENSE))
+
+
 def choose(
     x: Array, lines: Array, tolerance: float, floor: float, *, even: tuple[float, ...] = (), apart: int = 0
 ) -> tuple[NDArray[np.int64], float]:
@@ -131,14 +148,20 @@ def choose(
     kept = np.union1d(kept, np.arange(n - 1 - apart, n)) if apart else kept
     logs = to_log(lines, floor)
     scale = np.maximum(lines, floor)
+    closed = False
     while True:
         rest = np.setdiff1d(np.arange(n), kept)
         error = np.zeros(n)
         found = from_log(matrix(x[kept], x[rest], even=even, apart=apart) @ logs[kept], floor)
         error[rest] = (np.abs(found - lines[rest]) / scale[rest]).max(axis=1, initial=0.0)
         worst = float(error.max(initial=0.0))
-        if worst <= tolerance or kept.size == n or not math.isfinite(worst):
-            return (kept, worst) if math.isfinite(worst) else (np.arange(n), 0.0)
+        if not math.isfinite(worst):
+            return np.arange(n), 0.0
+        if closed or kept.size == n:
+            return kept, worst
+        if worst <= tolerance:
+            kept, closed = _closed(kept, n), True
+            continue
         left = np.flatnonzero(error > tolerance)
         gap = np.searchsorted(kept, left)
         middles = [(kept[g - 1] + kept[g]) // 2 for g in np.unique(gap)]

@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 PAIRS = 192
 # a share of the quadratures' own tolerance that estimates with noise ask, so that five standard errors stay below
 NOISE = 0.2
+# what interpolation may cost as a share of what it is granted, and how many times as many lines are looked at
+EFFORTS = ((0.5, 1), (0.25, 6), (0.12, 9))
 
 
 def probes(grid: Grid, floor: float, count: int, seed: int) -> Probes:
@@ -164,13 +166,15 @@ def _both(cell: float) -> tuple[float, float]:
     return cell, 1.1 * cell
 
 
-def resolved(planned: Planned, setup: Setup, share: float = 1.0, times: int = 1) -> Planned:
-    """Choose the positions of a plan's table by `times` the lines; `share` of what interpolation may cost is used."""
+def resolved(planned: Planned, setup: Setup, effort: int = 0) -> Planned:
+    """Choose the positions of a plan's table; with more effort by more lines, each to a smaller error."""
     plan, started = planned.plan, time.perf_counter()
     assert plan.full is not None
     assert plan.grid is not None
     engine = planned.engine or Engine(setup, plan.rules)
     build = time.perf_counter() - started
+    # edges between the lines are not seen: kinked models start one step up
+    share, times = EFFORTS[effort + (setup.model.kinked and setup.values.get("masking") != "smith")]
     items = tuple(item for item in plan.items if item.name != "resolution")
     grid, apart, rate = plan.grid, 0, 0.0
     if plan.full.isotropic and not plan.full.below:
@@ -180,7 +184,9 @@ def resolved(planned: Planned, setup: Setup, share: float = 1.0, times: int = 1)
         if grid.size < plan.full.size:
             apart, saved = found.apart, _saved(plan.full.size, grid.size)
             told = f"{'x'.join(map(str, grid.shape))} positions, with cubics in log f between them"
-            items = (*items, Item("resolution", told, "measured", *_both(allowed), time=saved, size=saved))
+            # what no other item uses up is a margin
+            rest = max(allowed, plan.tolerance - sum(item.cell for item in items))
+            items = (*items, Item("resolution", told, "measured", *_both(rest), time=saved, size=saved))
     predicted = _predicted(replace(plan, grid=grid, items=items), build, rate)
     new = replace(plan, grid=grid, apart=apart, items=items, predicted=plan.predicted | predicted)
     return Planned(planned.material, new, engine, planned.seconds)

@@ -18,8 +18,9 @@ from brdftab.scene.plan import Plan, added_up, once
 from brdftab.table import Table
 
 Array = NDArray[np.float64]
-# polar angles of the light and of the view, and azimuths, on which lines are drawn
-ROWS, COLUMNS, AZIMUTHS = 6, 24, 6
+# least polar angles of the light and of the view, and azimuths, on which lines are drawn, and cells of a slab below
+# which there are more: of coarse grids everything is looked at
+ROWS, COLUMNS, AZIMUTHS, CELLS = 5, 18, 5, 16_000
 # how much denser azimuths gather at the mirror side, where highlights are
 MIRRORED = 3.0
 # axes share what interpolation may cost; a part is kept back
@@ -55,6 +56,11 @@ def _spread(count: int, least: int, power: float = 1.5) -> NDArray[np.int64]:
     """Return up to `least` indices, the ends among them, the upper end denser by a power."""
     share = 1.0 - (1.0 - np.linspace(0.0, 1.0, min(least, count))) ** power
     return np.unique(np.round(share * (count - 1)).astype(np.int64))
+
+
+def _lines(least: int, cells: int) -> int:
+    """Return how many lines are drawn, of which each takes so many cells."""
+    return max(least, CELLS // cells)
 
 
 def _slab(engine: Engine, grid: Grid, picked: dict[str, NDArray[np.int64]], dtype: str) -> Array:
@@ -97,7 +103,7 @@ def keep(engine: Engine, grid: Grid, tolerance: float, floor: float, dtype: str,
 
     Notes
     -----
-    Lines along theta cross all lights, views and six azimuths, the mirror side among them; lines along phi cross six
+    Lines along theta cross all lights, views and five azimuths, the mirror side among them; lines along phi cross five
     lights, their mirror views and others. Where the mirror direction is singular, polar angles are all kept, and the
     last azimuth, whose cells hold averages, stands apart.
     """
@@ -105,9 +111,11 @@ def keep(engine: Engine, grid: Grid, tolerance: float, floor: float, dtype: str,
     allowed = tolerance / AXES
     singular = singular_setup(engine.setup) is not None
     apart = 1 if singular and grid.cell == "center" and grid.phi.size > 2 else 0
-    rows = _spread(grid.theta_i.size, times * ROWS)
+    rows = _spread(grid.theta_i.size, times * _lines(ROWS, COLUMNS * grid.phi.size))
     mirrored = np.searchsorted(grid.theta_o, grid.theta_i[rows]).clip(0, grid.theta_o.size - 1)
-    columns = np.union1d(_spread(grid.theta_o.size, times * COLUMNS), mirrored)
+    columns = np.union1d(
+        _spread(grid.theta_o.size, times * _lines(COLUMNS, rows.size * grid.phi.size // times)), mirrored
+    )
     few = {name: np.arange(min(2, axis.size)) for name, axis in grid.axes.items()}
     once(f"fill of {engine.setup.model.name}, {engine.is_fast}", lambda: _slab(engine, grid, few, dtype))
     started = time.perf_counter()
@@ -119,7 +127,7 @@ def keep(engine: Engine, grid: Grid, tolerance: float, floor: float, dtype: str,
     error += worst
     if not singular:
         started = time.perf_counter()
-        azimuths = _spread(grid.phi.size, times * AZIMUTHS, MIRRORED)
+        azimuths = _spread(grid.phi.size, times * _lines(AZIMUTHS, grid.theta_i.size * grid.theta_o.size), MIRRORED)
         along = _slab(engine, grid, {"phi": azimuths}, dtype)
         halved = 2 if grid.square and engine.setup.model.reciprocal else 1
         slabs.append((along[..., 0].size // halved, time.perf_counter() - started))
@@ -150,7 +158,9 @@ def largest_error(engine: Engine, table: Table, plan: Plan, seed: int) -> float:
     assert full is not None
     rng = np.random.default_rng(seed)
     picked = {}
-    for name, most in (("theta_i", ROWS), ("theta_o", COLUMNS)):
+    lines = {"theta_i": _lines(ROWS, COLUMNS * full.axes["phi"].size)}
+    lines["theta_o"] = _lines(COLUMNS, lines["theta_i"] * full.axes["phi"].size)
+    for name, most in lines.items():
         count = full.axes[name].size
         picked[name] = np.sort(rng.choice(count, min(most, count), replace=False))
     mirrored = np.searchsorted(full.theta_o, full.theta_i[picked["theta_i"]]).clip(0, full.theta_o.size - 1)

@@ -10,6 +10,7 @@ SPEC = Model(
     params=(*NDF_PARAMS, *FRESNEL_PARAMS),
     components=("specular",),
     ndfs=NDFS,
+    kinked=True,
     citation="Cook, Torrance: A Reflectance Model for Computer Graphics, ACM TOG 1(1), 1982",
     doi="10.1145/357290.357293",
     variant="f = F D G/(4 i_z o_z), G = min(1, 2 h_z i_z/(i.h), 2 h_z o_z/(o.h)); no diffuse term.",

@@ -44,6 +44,7 @@ SPEC = Model(
     ndfs=("beckmann", "ggx", "gaussian"),
     roughness="sigma",
     singular=True,
+    kinked=True,
     citation=(
         "Meneveaux, Bringier, Tauzia, Ribardiere, Simonot: Rendering Rough Opaque Materials with Interfaced Lambertian "
         "Microfacets, IEEE TVCG 24(3), 2018"

@@ -22,6 +22,7 @@ SPEC = Model(
     ),
     components=("specular", "body"),
     ndfs=("beckmann",),
+    kinked=True,
     roughness="sigma",
     citation=(
         "Meneveaux, Bringier, Tauzia, Ribardiere, Simonot: Rendering Rough Opaque Materials with Interfaced Lambertian "
