@@ -106,15 +106,22 @@ def test_base_gathers_the_room_as_its_brdf_does():
     assert np.allclose(out.mean(axis=0), 0.6 * mean, rtol=0.03)
 
 
-def test_base_turns_its_directions_with_the_view():
-    # one row, for a viewer at 45 degrees, of one direction
+@pytest.mark.parametrize("tilt", [0.0, 0.5])
+def test_base_turns_its_directions_with_the_view(tilt):
+    # one row, for a viewer at 45 degrees, of one direction; all of it tilted about a diagonal
     turns = np.linspace(0.0, 6.0, 20)
-    view, normal = vectors(np.full(20, 0.25 * math.pi), turns), np.tile([0.0, 0.0, 1.0], (20, 1))
+    a, c, s = math.sqrt(0.5), math.cos(tilt), math.sin(tilt)
+    cross = a * np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [-1.0, 1.0, 0.0]])
+    turn = np.eye(3) + s * cross + (1.0 - c) * cross @ cross
+    # narrow windows all around tell azimuths apart
+    windows = np.array([[azimuth, 0.0, 2.0, 90.0, 1.0, 0.0] for azimuth in range(-180, 180, 8)])
+    view = vectors(np.full(20, 0.25 * math.pi), turns) @ turn.T
+    normal = np.tile([0.0, 0.0, 1.0], (20, 1)) @ turn.T
     drawn, out = vectors(0.6, 2.0)[None, None], np.zeros((20, 3))
-    add_base(np.ones(20), normal, view, drawn, np.ones((1, 1, 3)), LIGHTS, 1, 1, out)
+    add_base(np.ones(20), normal, view, drawn, np.ones((1, 1, 3)), windows, 1, 1, out)
     expected = np.zeros((20, 3))
-    for n, (x, y, z) in enumerate(vectors(0.6, 2.0 + turns)):
-        add_radiance(x, y, z, np.ones(3), LIGHTS, expected[n])
+    for n, (x, y, z) in enumerate(vectors(0.6, 2.0 + turns) @ turn.T):
+        add_radiance(x, y, z, np.ones(3), windows, expected[n])
     assert np.ptp(expected, axis=0).min() > 0.1
     assert np.allclose(out, expected, rtol=1e-9)
 
