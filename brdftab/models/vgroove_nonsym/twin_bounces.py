@@ -27,15 +27,13 @@ DEPTH = 45.0
 NO_CAP = 2_000_000_000
 TILE = 64
 Tile = dict[str, Array]
+# the kernel's, a test holds them equal
+RULES = ((5e-4, (16, 3, 6, False)), (1e-4, (32, 6, 7, False)), (1e-6, (32, 6, 8, True)), (0.0, (64, 10, 14, True)))
 
 
 def rule(tolerance: float) -> tuple[int, int, int, bool]:
     """Return explicit orders, tail nodes, nodes a panel, fine scale cuts: as the kernel's `rule`."""
-    if tolerance >= 1e-4:
-        return 16, 3, 5, False
-    if tolerance >= 1e-6:
-        return 32, 6, 8, True
-    return 64, 10, 14, True
+    return next(found for least, found in RULES if tolerance >= least)
 
 
 def _unit_gauss(count: int) -> tuple[Array, Array]:
