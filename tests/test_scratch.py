@@ -225,12 +225,14 @@ def test_furnace_of_the_blurred_cone():
         assert own == pytest.approx(total, abs=2e-5)
 
 
-@pytest.mark.parametrize("width", [0.004, 0.2])
+@pytest.mark.parametrize("width", [1e-6, 0.004, 0.0099, 0.0101, 0.02, 0.05, 0.2, 1.0, 0.5 * math.pi])
 def test_norm_of_the_kernel_around_a_light(width):
+    """By series: the closed form is wrong by .2 % at a width of .01 and by 4e-7 at .05."""
     x, w = np.polynomial.legendre.leggauss(30)
     angle = 0.5 * width * (x + 1.0)
     plain = 2.0 * math.pi * 0.5 * width * w @ (np.sin(angle) * (1.0 - (angle / width) ** 2) ** 2)
-    assert light.norm(width) == pytest.approx(plain, rel=1e-9)
+    # measured: 4e-15 at most
+    assert light.norm(width) == pytest.approx(plain, rel=1e-14)
     assert light.norm(math.radians(1.0)) == pytest.approx(1.0 / 3135.0, rel=1e-3)
 
 

@@ -8,6 +8,8 @@ metals: Lazányi and Szirmay-Kalos, Fresnel term approximations for metals, WSCG
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -118,10 +120,16 @@ def lazanyi(f0: ArrayLike, dip: ArrayLike, cos: ArrayLike) -> np.ndarray:
     return np.clip(schlick(f0, c) - np.asarray(dip, dtype=np.float64) * c * (1.0 - c) ** DIP_POWER, 0.0, 1.0)
 
 
+@cache
+def _fit_nodes() -> tuple[np.ndarray, np.ndarray]:
+    """Return cosines and weights of the least squares."""
+    x, weight = np.polynomial.legendre.leggauss(FIT_NODES)
+    return 0.5 * (1.0 + x), weight
+
+
 def lazanyi_dip(eta: ArrayLike, k: ArrayLike) -> np.ndarray:
     """Return the factor of `lazanyi` that comes closest to the exact `conductor`: least squares, even in the cosine."""
-    x, weight = np.polynomial.legendre.leggauss(FIT_NODES)
-    c = 0.5 * (1.0 + x)
+    c, weight = _fit_nodes()
     n, kappa = (np.asarray(v, dtype=np.float64)[..., None] for v in (eta, k))
     shape = c * (1.0 - c) ** DIP_POWER
     excess = schlick(conductor(n, kappa, 1.0), c) - conductor(n, kappa, c)

@@ -117,7 +117,7 @@ def _closed(kept: NDArray[np.int64], count: int) -> NDArray[np.int64]:
 
 
 def choose(
-    x: Array, lines: Array, tolerance: float, floor: float, *, even: tuple[float, ...] = (), apart: int = 0
+    x: Array, logs: Array, tolerance: float, *, even: tuple[float, ...] = (), apart: int = 0
 ) -> tuple[NDArray[np.int64], float]:
     """Return which positions of an axis to keep, and the largest error of the others.
 
@@ -127,12 +127,10 @@ def choose(
     ----------
     x : ndarray (N,)
         All positions.
-    lines : ndarray (N, M)
-        Values along the axis on M lines, 1/sr.
+    logs : ndarray (N, M)
+        `to_log` of the values along the axis on M lines.
     tolerance : float
         Largest error allowed, relative to the value or the floor.
-    floor : float
-        1/sr.
     even, apart
         As in `stencil`.
 
@@ -146,14 +144,13 @@ def choose(
     n = x.size
     kept = np.unique(np.round(np.linspace(0, n - 1, min(FIRST, n))).astype(np.int64))
     kept = np.union1d(kept, np.arange(n - 1 - apart, n)) if apart else kept
-    logs = to_log(lines, floor)
-    scale = np.maximum(lines, floor)
     closed = False
     while True:
         rest = np.setdiff1d(np.arange(n), kept)
         error = np.zeros(n)
-        found = from_log(matrix(x[kept], x[rest], even=even, apart=apart) @ logs[kept], floor)
-        error[rest] = (np.abs(found - lines[rest]) / scale[rest]).max(axis=1, initial=0.0)
+        apart_by = np.abs(matrix(x[kept], x[rest], even=even, apart=apart) @ logs[kept] - logs[rest])
+        # exact to first order above and below the floor, and a bound above it
+        error[rest] = np.expm1(np.minimum(apart_by.max(axis=1, initial=0.0), 700.0))
         worst = float(error.max(initial=0.0))
         if not math.isfinite(worst):
             return np.arange(n), 0.0

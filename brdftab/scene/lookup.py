@@ -78,11 +78,14 @@ def interpolate(
     else:
         at["phi_i"], at["phi_o"] = _folded(az, az + dphi, symmetric)
     rules = [_rule(grid, name, at[name], apart, symmetric) for name in grid.axis_names]
-    logs = to_log(table.values.astype(np.float64), floor)
-    found = np.empty((ti.size, logs.shape[-1]))
+    # of few directions only what they touch is taken to its logarithm
+    values = table.values if ti.size * 4 ** len(rules) < grid.size else to_log(table.values.astype(np.float64), floor)
+    found = np.empty((ti.size, table.shape[-1]))
     for start in range(0, ti.size, _BLOCK):
         block = slice(start, start + _BLOCK)
-        found[block] = _gather(logs, [(index[block], weight[block]) for index, weight in rules])
+        logs, total = _gather(values, [(index[block], weight[block]) for index, weight in rules])
+        logs = to_log(logs.astype(np.float64), floor) if values is table.values else logs
+        found[block] = np.einsum("nk,nkc->nc", total, logs)
     return from_log(found, floor).reshape(*shape, -1)
 
 
@@ -107,8 +110,8 @@ def _rule(grid: Grid, name: str, x: Array, apart: int, symmetric: bool) -> tuple
     return index % knots.size, weight
 
 
-def _gather(logs: Array, rules: list[tuple[NDArray[np.int64], Array]]) -> Array:
-    """Return sums (N, C) over the products of all axes' stencils."""
+def _gather(values: NDArray[Any], rules: list[tuple[NDArray[np.int64], Array]]) -> tuple[NDArray[Any], Array]:
+    """Return values (N, K, C) and weights (N, K) of the products of all axes' stencils."""
     axes, count = len(rules), rules[0][0].shape[0]
     where, total = [], np.ones((count,) + (1,) * axes)
     for axis, (index, weight) in enumerate(rules):
@@ -116,7 +119,7 @@ def _gather(logs: Array, rules: list[tuple[NDArray[np.int64], Array]]) -> Array:
         shape[axis + 1] = index.shape[1]
         where.append(index.reshape(shape))
         total = total * weight.reshape(shape)
-    return np.einsum("nk,nkc->nc", total.reshape(count, -1), logs[tuple(where)].reshape(count, -1, logs.shape[-1]))
+    return values[tuple(where)].reshape(count, -1, values.shape[-1]), total.reshape(count, -1)
 
 
 def expand(table: Table) -> Table:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -139,10 +140,14 @@ class Plan:
         """The promised error of the directional albedo, absolute."""
         return sum(item.albedo for item in self.items)
 
-    def setup(self) -> Setup:
-        """Return the reduced setup."""
+    @cached_property
+    def _setup(self) -> Setup:
         found = resolve(self.model, **self.parameters)
         return luminance(found) if self.luminance else found
+
+    def setup(self) -> Setup:
+        """Return the reduced setup."""
+        return self._setup
 
     def to_json(self) -> dict[str, Any]:
         """Return the plan as plain JSON; `from_json` gives it back."""

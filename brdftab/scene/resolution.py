@@ -72,15 +72,15 @@ def _slab(engine: Engine, grid: Grid, picked: dict[str, NDArray[np.int64]], dtyp
 
 
 def _bent(lines: Array, floor: float, times: int) -> Array:
-    """Return the largest channel (N, L) of the lines (N, M, C) that bend most at any position, and of a few others."""
-    lines = largest(lines)
+    """Return logs (N, L) of lines (N, M, C), the largest channel: those that bend most at any position, and others."""
+    logs = to_log(largest(lines), floor)
     most, more = times * BENT, times * MORE
-    if lines.shape[0] < 3 or lines.shape[1] <= most * lines.shape[0] + more:
-        return lines
-    bend = np.abs(np.diff(to_log(lines, floor), 2, axis=0))
+    if logs.shape[0] < 3 or logs.shape[1] <= most * logs.shape[0] + more:
+        return logs
+    bend = np.abs(np.diff(logs, 2, axis=0))
     bent = np.argpartition(bend, -most, axis=1)[:, -most:]
-    others = np.random.default_rng(0).integers(0, lines.shape[1], more)
-    return lines[:, np.union1d(bent, others)]
+    others = np.random.default_rng(0).integers(0, logs.shape[1], more)
+    return logs[:, np.union1d(bent, others)]
 
 
 def keep(engine: Engine, grid: Grid, tolerance: float, floor: float, dtype: str, times: int = 1) -> Kept:
@@ -123,7 +123,7 @@ def keep(engine: Engine, grid: Grid, tolerance: float, floor: float, dtype: str,
     slabs = [(across[..., 0].size, time.perf_counter() - started)]
     kept, error = {}, 0.0
     lines = np.moveaxis(across, 2, 0).reshape(grid.phi.size, -1, across.shape[-1])
-    kept["phi"], worst = choose(grid.phi, _bent(lines, floor, times), allowed, floor, even=EVEN["phi"], apart=apart)
+    kept["phi"], worst = choose(grid.phi, _bent(lines, floor, times), allowed, even=EVEN["phi"], apart=apart)
     error += worst
     if not singular:
         started = time.perf_counter()
@@ -133,7 +133,7 @@ def keep(engine: Engine, grid: Grid, tolerance: float, floor: float, dtype: str,
         slabs.append((along[..., 0].size // halved, time.perf_counter() - started))
         for axis, name in enumerate(("theta_i", "theta_o")):
             lines = np.moveaxis(along, axis, 0).reshape(along.shape[axis], -1, along.shape[-1])
-            kept[name], worst = choose(grid.axes[name], _bent(lines, floor, times), allowed, floor)
+            kept[name], worst = choose(grid.axes[name], _bent(lines, floor, times), allowed)
             error += worst
         if grid.square:
             kept["theta_i"] = kept["theta_o"] = np.union1d(kept["theta_i"], kept["theta_o"])

@@ -15,3 +15,4 @@ SKIP_FAST = {
     "tolerance": "tight tolerances are solved on many nodes: in the full check",
 }
 BOX = {"full": 4}
+SWITCHES = (("nodes at 5e-4", {"ndf": "ggx", "alpha": 0.5, "material": "mirror"}, "tolerance", 5e-4),)
