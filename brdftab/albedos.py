@@ -28,8 +28,8 @@ Array = NDArray[np.float64]
 FORMAT = "brdftab-albedo"
 COSINES = 32
 SIDES = {"above": 1.0, "below": -1.0}
-# angles a row at which the quadrature is checked against a finer one
-CHECKS, FINER = 3, 0.1
+# angles a row at which the quadrature is checked against a finer one, a looser one against a fourth of its tolerance
+CHECKS, FINER, FINER_LOOSE = 3, 0.1, 0.25
 # nodes of the average over the light's angles, fewer of which leave at most 1e-5
 AVERAGE_NODES, FEW_NODES, LOOSE = 20, 8, 3e-4
 
@@ -126,7 +126,8 @@ def row(
     else:
         rest = albedos(setup, np.arccos(mu), tolerance, engine)
     picked = np.unique(np.linspace(0, angles.size - 1, CHECKS).round().astype(int))
-    finer = albedos(setup, angles[picked], max(FINER * tolerance, 1e-10))
+    share = FINER_LOOSE if tolerance >= LOOSE else FINER
+    finer = albedos(setup, angles[picked], max(share * tolerance, 1e-10))
     error = float(np.abs(finer - cells[:, picked]).max())
     return Row(setup, cells, 2.0 * np.einsum("n,lnc->lc", weight * mu, rest), error)
 

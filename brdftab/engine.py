@@ -82,10 +82,10 @@ class Engine:
             self._prepared.fill(theta_i, theta_o, phi, square, out if self._layered else out[0])
             return
         rows, columns, steps = theta_i.size, theta_o.size, phi.size
-        pairs = [(i, o) for i in range(rows) for o in range(i + 1 if square else columns)]
+        first, second = np.tril_indices(rows) if square else np.divmod(np.arange(rows * columns), columns)
         size = max(1, BLOCK // steps)
-        for start in range(0, len(pairs), size):
-            i, o = np.array(pairs[start : start + size]).T
+        for start in range(0, first.size, size):
+            i, o = first[start : start + size], second[start : start + size]
             shape = (i.size, steps)
             angles = (np.broadcast_to(a, shape).reshape(-1) for a in (theta_i[i, None], theta_o[o, None], phi))
             ti, to, ph = (np.ascontiguousarray(a) for a in angles)
@@ -95,7 +95,7 @@ class Engine:
             if square:
                 out[:, o, i] = values
             if progress is not None:
-                progress(min(1.0, (start + size) / len(pairs)))
+                progress(min(1.0, (start + size) / first.size))
 
     def fill_azimuths(
         self, incoming: Array, outgoing: Array, out: NDArray[np.floating], progress: Progress | None = None

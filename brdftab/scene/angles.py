@@ -36,12 +36,32 @@ def part(grid: Grid, kept: Kept) -> Grid:
     for name, positions in grid.axes.items():
         if name not in kept or kept[name].size == positions.size:
             continue
-        index, edges = kept[name], grid.edges[name]
-        own = positions[index]
-        middle = np.where(np.diff(index) == 1, edges[index[1:]], 0.5 * (own[:-1] + own[1:]))
-        given[name] = own
-        given[f"{name}_edges"] = np.concatenate([[edges[index[0]]], middle, [edges[index[-1] + 1]]])
+        given[name] = positions[kept[name]]
+        given[f"{name}_edges"] = _edges(grid, name, kept[name])
     return replace(grid, **given) if given else grid
+
+
+def _edges(grid: Grid, name: str, index: NDArray[np.int64]) -> Array:
+    """Return the edges of the cells of some positions of an axis."""
+    own, edges = grid.axes[name][index], grid.edges[name]
+    middle = np.where(np.diff(index) == 1, edges[index[1:]], 0.5 * (own[:-1] + own[1:]))
+    return np.concatenate([[edges[index[0]]], middle, [edges[index[-1] + 1]]])
+
+
+def kept_of(grid: Grid, some: Grid) -> dict[str, NDArray[np.int64]] | None:
+    """Return what `part` makes one grid of another from, or None where it does not."""
+    if grid.cell != some.cell or grid.axis_names != some.axis_names:
+        return None
+    found = {}
+    for name, positions in some.axes.items():
+        index = np.searchsorted(grid.axes[name], positions)
+        if index[-1] >= grid.axes[name].size or not np.array_equal(grid.axes[name][index], positions):
+            return None
+        if not np.array_equal(_edges(grid, name, index), some.edges[name]):
+            return None
+        if index.size < grid.axes[name].size:
+            found[name] = index
+    return found
 
 
 def reached(grid: Grid, material: Material) -> Grid:

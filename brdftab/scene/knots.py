@@ -11,6 +11,8 @@ Array = NDArray[np.float64]
 FIRST = 6
 # neighbours to either side that count, and the share of them from which on a position is kept, too
 REACH, DENSE = 4, 0.5
+# halves of a gap leave a sixteenth of a smooth error: beyond so many tolerances quarters are taken at once
+FAR = 40.0
 
 
 def largest(values: Array) -> Array:
@@ -72,12 +74,14 @@ def stencil(knots: Array, x: Array, *, even: tuple[float, ...] = (), apart: int 
 
 def _lagrange(nodes: Array, x: Array) -> Array:
     """Return Lagrange weights (N, S) at x (N,) for nodes (N, S)."""
-    weight = np.ones_like(nodes)
-    for k in range(nodes.shape[1]):
-        for j in range(nodes.shape[1]):
+    own = np.ascontiguousarray(nodes.T)
+    away, above, below = x - own, np.ones_like(own), np.ones_like(own)
+    for k in range(len(own)):
+        for j in range(len(own)):
             if j != k:
-                weight[:, k] *= (x - nodes[:, j]) / (nodes[:, k] - nodes[:, j])
-    return weight
+                above[k] *= away[j]
+                below[k] *= own[k] - own[j]
+    return np.ascontiguousarray((above / below).T)
 
 
 def matrix(knots: Array, x: Array, *, even: tuple[float, ...] = (), apart: int = 0) -> Array:
@@ -121,7 +125,8 @@ def choose(
 ) -> tuple[NDArray[np.int64], float]:
     """Return which positions of an axis to keep, and the largest error of the others.
 
-    Starting from a few, the middle of each gap whose positions miss the tolerance is added until none does.
+    Starting from a few, the middle of each gap whose positions miss the tolerance is added until none does, and where
+    they miss it by far its quarters, too.
 
     Parameters
     ----------
@@ -141,12 +146,13 @@ def choose(
     error : float
         Largest error over all lines and positions left out.
     """
-    n = x.size
-    kept = np.unique(np.round(np.linspace(0, n - 1, min(FIRST, n))).astype(np.int64))
-    kept = np.union1d(kept, np.arange(n - 1 - apart, n)) if apart else kept
-    closed = False
+    n, closed = x.size, False
+    chosen = np.zeros(n, dtype=bool)
+    chosen[np.round(np.linspace(0, n - 1, min(FIRST, n))).astype(np.int64)] = True
+    if apart:
+        chosen[n - 1 - apart :] = True
     while True:
-        rest = np.setdiff1d(np.arange(n), kept)
+        kept, rest = np.flatnonzero(chosen), np.flatnonzero(~chosen)
         error = np.zeros(n)
         apart_by = np.abs(matrix(x[kept], x[rest], even=even, apart=apart) @ logs[kept] - logs[rest])
         # exact to first order above and below the floor, and a bound above it
@@ -157,9 +163,11 @@ def choose(
         if closed or kept.size == n:
             return kept, worst
         if worst <= tolerance:
-            kept, closed = _closed(kept, n), True
+            chosen[_closed(kept, n)] = closed = True
             continue
-        left = np.flatnonzero(error > tolerance)
-        gap = np.searchsorted(kept, left)
-        middles = [(kept[g - 1] + kept[g]) // 2 for g in np.unique(gap)]
-        kept = np.union1d(kept, middles)
+        for limit, shares in ((tolerance, (2,)), (FAR * tolerance, (1, 3))):
+            gap = np.zeros(n + 1, dtype=bool)
+            gap[np.searchsorted(kept, np.flatnonzero(error > limit))] = True
+            right = np.flatnonzero(gap)
+            for share in shares:
+                chosen[((4 - share) * kept[right - 1] + share * kept[right]) // 4] = True

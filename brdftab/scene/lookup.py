@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from brdftab.errors import ParameterError
 from brdftab.grid import Grid
 from brdftab.scene.knots import from_log, matrix, stencil, to_log
+from brdftab.scene.plan import Plan
 from brdftab.table import Table
 
 Array = NDArray[np.float64]
@@ -133,7 +134,8 @@ def expand(table: Table) -> Table:
     plan = table.provenance.get("plan")
     if not plan or not plan.get("full"):
         raise ParameterError("the table holds no plan with a grid; only tables of a scene can be expanded")
-    full = Grid.from_json(plan["full"])
+    full = Plan.from_json(plan).full
+    assert full is not None
     return Table(
         expanded(table, full).astype(table.dtype), full, table.channels, {}, None, dict(table.provenance), table.version
     )

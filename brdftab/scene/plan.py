@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.engine import Engine
-from brdftab.errors import FileFormatError
+from brdftab.errors import FileFormatError, GridError
 from brdftab.grid import Grid
 from brdftab.models.setup import LUMINANCE, Setup, luminance, resolve
+from brdftab.scene import compact
 from brdftab.scene.scene import Material
 
 # shares of the tolerated error that each kind of item may use up; they add up to 1
@@ -157,9 +158,9 @@ class Plan:
             "parameters": self.parameters,
             "luminance": self.luminance,
             "quantity": self.quantity,
-            "grid": None if self.grid is None else self.grid.to_json(),
-            "full": None if self.full is None else self.full.to_json(),
-            "whole": None if self.whole is None else self.whole.to_json(),
+            "grid": compact.to_json(self.grid, self.full),
+            "full": compact.to_json(self.full, self.whole),
+            "whole": compact.to_json(self.whole),
             "cosines": self.cosines,
             "symmetric": self.symmetric,
             "apart": self.apart,
@@ -183,9 +184,9 @@ class Plan:
             Where a key is missing or has the wrong type.
         """
         try:
-            grids: dict[str, Any] = {
-                key: None if data[key] is None else Grid.from_json(data[key]) for key in ("grid", "full", "whole")
-            }
+            whole = compact.from_json(data["whole"])
+            full = compact.from_json(data["full"], whole)
+            grids: dict[str, Any] = {"grid": compact.from_json(data["grid"], full), "full": full, "whole": whole}
             items = tuple(
                 Item(
                     i["name"], i["told"], i["kind"], i["cell_error"], i["albedo_error"], i["time_saved"],
@@ -206,6 +207,10 @@ class Plan:
             )
             rest = ("tolerance", "rules", "dtype", "predicted")
             return cls(items=items, **grids, **{key: data[key] for key in (*plain, *rest)})
+        except GridError as error:
+            raise FileFormatError(
+                f"the plan stored in the file is damaged: {error}; tabulate the scene again"
+            ) from error
         except (KeyError, TypeError) as error:
             raise FileFormatError(f"the plan stored in the file lacks {error}; tabulate the scene again") from error
 

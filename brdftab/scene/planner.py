@@ -54,9 +54,10 @@ def probes(grid: Grid, floor: float, count: int, seed: int) -> Probes:
 
 def _without_mirror(found: Probes, grid: Grid) -> Probes:
     """Leave out pairs whose cell holds the mirror direction: it may hold an average instead of a value."""
-    cells = {tuple(c) for c in grid.mirror_cells().tolist()}
-    place = {name: np.searchsorted(grid.axes[name], a) for name, a in _at(found, grid).items()}
-    kept = np.array([tuple(c) not in cells for c in np.stack([place[n] for n in grid.axis_names], axis=1).tolist()])
+    cells = np.ravel_multi_index(tuple(grid.mirror_cells().T), grid.shape)
+    angles = _at(found, grid)
+    place = tuple(np.searchsorted(grid.axes[name], angles[name]) for name in grid.axis_names)
+    kept = ~np.isin(np.ravel_multi_index(place, grid.shape), cells)
     return Probes(found.theta_i[kept], found.theta_o[kept], found.phi[kept], found.phi_i[kept], found.floor, grid)
 
 
