@@ -11,6 +11,7 @@ from click.testing import CliRunner
 import brdftab
 from brdftab.cli import main
 from brdftab.errors import BrdftabError, ParameterError
+from brdftab.models.scratch.balance import balanced
 from brdftab.scratches import layers, picture, png
 from brdftab.scratches.cones import add_base, add_cones
 from brdftab.scratches.environment import LIGHTS, add_radiance
@@ -41,7 +42,9 @@ def cones(tables, view, light, power, count):
     out = np.zeros((n, 3))
     axis, kinds = np.array([[1.0, 0.0]]), np.zeros(1, dtype=np.int64)
     fixed = tables.cumulative, tables.ratio, tables.rho, LIGHTS, count, 3
-    add_cones(np.ones((n, 1)), axis, kinds, normal, tangent, view, light, np.full(n, power), psi, *fixed, out)
+    add_cones(
+        np.ones((n, 1)), axis, kinds, normal, tangent, view, light, np.full(n, power), psi, balanced(psi), *fixed, out
+    )
     return out
 
 

@@ -8,6 +8,7 @@ import numba
 import numpy as np
 
 from brdftab.jit import kernel, parallel_kernel
+from brdftab.models.scratch.balance import strength
 from brdftab.models.scratch.blur import bin_of, kernel_value
 from brdftab.scratches.environment import add_radiance
 
@@ -35,12 +36,29 @@ def _ratio(table, t, k, j, out):
 
 @parallel_kernel
 def add_cones(
-    weight, axis, kinds, normal, tangent, view, light, power, psi, cumulative, ratio, rho, lights, count, seed, out
+    weight,
+    axis,
+    kinds,
+    normal,
+    tangent,
+    view,
+    light,
+    power,
+    psi,
+    table,
+    cumulative,
+    ratio,
+    rho,
+    lights,
+    count,
+    seed,
+    out,
 ):
     """Add what the scratches reflect to out (N, 3).
 
     weight (N, K); axis (K, 2) cosine and sine of each layer's angle; kinds (K,) index into the tables; normal, tangent,
-    view, light (N, 3); power (N,) irradiance of the point light on a surface that faces it; cumulative (P, M, M + 1),
+    view, light (N, 3); power (N,) irradiance of the point light on a surface that faces it; psi and table as in
+    `balance`; cumulative (P, M, M + 1),
     ratio (P, T, M, M, 3), rho (P, M, M). Cones are sampled by their own flux: binary search for the bin, evenly in
     sin p inside it, `count` directions shared among a point's layers by weight.
     """
@@ -102,7 +120,7 @@ def add_cones(
             other = light[n, 0] * bx + light[n, 1] * by + light[n, 2] * bz
             column = bin_of(math.atan2(other, facing), bins)
             _ratio(ratio[kind], t, row, column, each)
-            f = rho[kind, row, column] * blur / max(cosine * math.sqrt(max(1.0 - along * along, 0.0)), 1e-6)
+            f = rho[kind, row, column] * blur * strength(t, psi, table) * strength(math.asin(along), psi, table)
             for q in range(3):
                 found[q] += w * f * each[q] * power[n] * facing
 

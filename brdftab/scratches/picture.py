@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.errors import ParameterError
+from brdftab.models.scratch.balance import balanced
 from brdftab.models.scratch.profiles import parse as parse_profile
 from brdftab.models.scratch.trace import trace
 from brdftab.models.setup import Setup
@@ -182,7 +183,7 @@ def _shade(
     axis = np.array([[math.cos(layer.angle), math.sin(layer.angle)] for layer in layered.layers])
     add_cones(
         each, axis, tables.kinds, normal, tangent, np.ascontiguousarray(view), light, power, layered.psi,
-        tables.cumulative, tables.ratio, tables.rho, LIGHTS, count, seed, out,
+        balanced(layered.psi), tables.cumulative, tables.ratio, tables.rho, LIGHTS, count, seed, out,
     )  # fmt: skip
     add_base(rest, normal, np.ascontiguousarray(view), tables.directions, tables.weights, LIGHTS, count, seed, out)
     theta_o, phi_o = _angles(view, normal, tangent)

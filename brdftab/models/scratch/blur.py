@@ -1,7 +1,8 @@
 """The BRDF of a traced scratch at pairs of directions, its cone of reflection blurred to a finite width.
 
-f = rho(p_o, p_i; t) k(t_i + t_o)/(cos t_i cos t_o) with k(x) = 15/(16 psi) (1 - (x/psi)^2)^2 is reciprocal and keeps
-the energy of the cone to 1 - O(psi^2). Fresnel acts at t = (t_i - t_o)/2, which is the cone's own angle on the cone.
+f = rho(p_o, p_i; t) k(t_i + t_o) s(t_i) s(t_o) with k(x) = 15/(16 psi) (1 - (x/psi)^2)^2 is reciprocal and keeps the
+energy of the cone; s is 1/cos t up to O(psi^2) and bends away near the horizon (`balance`). Fresnel acts at
+t = (t_i - t_o)/2, which is the cone's own angle on the cone.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from brdftab.jit import kernel, parallel_kernel
 from brdftab.materials.fresnel import Fresnel
+from brdftab.models.scratch.balance import balanced, strength, strengths
 from brdftab.models.scratch.shade import add_path, arguments, groups_of_layers
 from brdftab.models.scratch.shoot import CLASSES
 from brdftab.models.scratch.trace import Traced
@@ -49,7 +51,7 @@ def bin_of(p, bins):
 
 
 @parallel_kernel
-def _points(theta_i, theta_o, phi, phi_i, psi, layers, facts, groups, share, fresnel, weights, out):
+def _points(theta_i, theta_o, phi, phi_i, psi, table, layers, facts, groups, share, fresnel, weights, out):
     """Fill out (N, P, C): all orders together (P = 1) or apart."""
     bins = share.size
     parts = out.shape[1]
@@ -71,7 +73,7 @@ def _points(theta_i, theta_o, phi, phi_i, psi, layers, facts, groups, share, fre
             if mass > 0.0:
                 part = 0 if parts == 1 else (layer + CLASSES - 1) // CLASSES
                 add_path(fresnel, along, groups[layer], facts[layer, :, k, j], mass, first, row, total[part])
-        scale = blur / (share[k] * share[j] * math.cos(ti) * math.cos(to))
+        scale = blur * strength(ti, psi, table) * strength(to, psi, table) / (share[k] * share[j])
         for part in range(parts):
             for c in range(weights.shape[1]):
                 for w in range(row.size):
@@ -85,17 +87,18 @@ def points(
     out = np.empty((theta_i.size, parts, fresnel.weights.shape[1]))
     weights = np.ascontiguousarray(fresnel.weights)
     flux = scratch.layers, scratch.facts, groups_of_layers(), scratch.aperture
-    _points(theta_i, theta_o, phi, phi_i, psi, *flux, arguments(fresnel), weights, out)
+    _points(theta_i, theta_o, phi, phi_i, psi, balanced(psi), *flux, arguments(fresnel), weights, out)
     return out
 
 
 def cone(t_i: float, psi: float) -> tuple[Array, Array]:
-    """Return angles t_o along the scratch and weights: the blurred cone of light at t_i, 1 in all up to O(psi^2)."""
+    """Return angles t_o along the scratch and weights: the blurred cone of light at t_i, 1 in all."""
     low, high = max(-t_i - psi, -0.5 * math.pi), min(-t_i + psi, 0.5 * math.pi)
     x, w = np.polynomial.legendre.leggauss(NODES)
     t_o = 0.5 * (low + high) + 0.5 * (high - low) * x
     blur = np.array([kernel_value(t_i + t, psi) for t in t_o])
-    return t_o, 0.5 * (high - low) * w * blur * np.cos(t_o) / math.cos(t_i)
+    both = strength(t_i, psi, balanced(psi)) * strengths(t_o[None], psi, balanced(psi))[0]
+    return t_o, 0.5 * (high - low) * w * blur * np.cos(t_o) ** 2 * both
 
 
 def albedo(scratch: Traced, fresnel: Fresnel, psi: float, theta_i: float, phi_i: float) -> Array:
