@@ -7,7 +7,7 @@
 A run time goes from the material to the file on disk: planning, checks and writing, beside the full table at the same
 tolerance and its file; what models keep between calls is thrown away before each, compiled kernels are not. Of three
 runs in turn the median counts, one where the full table takes more than two seconds. Grids are the defaults, but
-coarser for four axes above ten seconds and for all else above about a minute. Errors are those of every cell where the
+coarser for four axes above ten seconds and for all else above about half a minute. Errors are those of every cell where the
 full table takes less than two seconds, else of a thousand seeded cells. Exit status 1 where a promise is broken.
 """
 
@@ -40,7 +40,7 @@ from brdftab.scene.scene import Material
 GRIDS = ("90x90x180", "6x12x6x12", "45x45+45x90")
 FOUR, WAIT = "15x24x15x24", 10.0
 # grids on which kernels are compiled and cells timed; and those of full tables that would take more seconds than this
-SMALL, COARSE, DEAR = ("6x6x12", "3x4x3x4", "4x4+4x8"), ("30x30x60", "5x8x5x8", "16x16+16x32"), 60.0
+SMALL, COARSE, DEAR = ("6x6x12", "3x4x3x4", "4x4+4x8"), ("30x30x60", "5x8x5x8", "16x16+16x32"), 30.0
 # seconds of a table whatever its size
 FIXED = 0.06
 LONG, SEEDS = 2.0, (11, 12, 13, 14)
@@ -87,7 +87,8 @@ def measure(one: Material, folder: Path, warm: bool) -> dict[str, object]:
         full(small)
     rate = max(timed(lambda: full(small), folder)[0] - FIXED, 0.0) / Grid.resolve(SMALL[kind]).size
     if rate * Grid.resolve(one.grid).size > DEAR:
-        one = replace(one, grid=COARSE[kind])
+        coarse = COARSE[kind]
+        one = replace(one, grid=coarse if rate * Grid.resolve(coarse).size <= DEAR else SMALL[kind])
 
     def both() -> tuple[tuple[float, float, object], tuple[float, float, object]]:
         return timed(lambda: carry_out(plan_material(one)), folder), timed(lambda: full(one), folder)
