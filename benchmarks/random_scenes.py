@@ -128,6 +128,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--models", help="names with commas; all by default")
+    parser.add_argument("--grooves", action="store_true", help="anisotropic V-grooves, too: minutes a table")
     parser.add_argument("--json", type=Path, help="file of results, a line each; appended")
     parser.add_argument("--minutes", type=float, default=1e9, help="begin no scene after so long")
     chosen = parser.parse_args()
@@ -138,7 +139,13 @@ def main() -> None:
     )
     started, warm = time.perf_counter(), set()
     with tempfile.TemporaryDirectory() as folder:
-        drawn = scenes(chosen.count, chosen.seed, grids=GRIDS, names=chosen.models and chosen.models.split(","))
+        drawn = scenes(
+            chosen.count,
+            chosen.seed,
+            grids=GRIDS,
+            names=chosen.models and chosen.models.split(","),
+            grooves=chosen.grooves,
+        )
         for number, one in enumerate(drawn):
             if number < len(rows):
                 continue
