@@ -24,6 +24,8 @@ from brdftab.tabulation import default_grid
 Array = NDArray[np.float64]
 COUNTS = (8, 12, 16, 24, 32, 48, 64, 96, 128, 256)
 CHECKS = 9
+# at most so many times as many cosines in one step
+STEP = 4.0
 # the quadrature's share of the tolerance
 RULES = 0.3
 # light at the horizon itself has no albedo
@@ -101,14 +103,19 @@ def plan(material: Material, setup: Setup) -> Planned:
     lights, rules = _lights(material), RULES * asked
     engine = _engine(small, rules)
     wanted = albedos(small, lights, rules, engine)
+    allowed, least = (1.0 - RULES - 0.1) * asked, 0.0
     for count in COUNTS:
+        if count < least:
+            continue
         cosines = (np.arange(count) + 0.5) / count
         values = albedos(small, np.arccos(cosines), rules, engine)
         error = SAFETY * max(
             float(np.abs(at(cosines, mine, lights) - right).max()) for mine, right in zip(values, wanted, strict=True)
         )
-        if error <= (1.0 - RULES - 0.1) * asked:
+        if error <= allowed:
             break
+        # kinks of an albedo leave errors in the square of the spacing
+        least = count * min(STEP, math.sqrt(error / allowed))
     told = f"{count} cosines, with cubics between them"
     items.append(Item("resolution", told, "measured", 0.0, error))
     items.append(Item("rules", f"quadratures for an error of {rules:.1e}", "measured", 0.0, rules))

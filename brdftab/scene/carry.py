@@ -22,7 +22,7 @@ from brdftab.provenance import machine
 from brdftab.scene import albedo
 from brdftab.scene.lookup import interpolate
 from brdftab.scene.plan import Item, Plan, Planned, added_up
-from brdftab.scene.planner import probes, resolved
+from brdftab.scene.planner import probes, resolved, with_margin
 from brdftab.scene.resolution import largest_error
 from brdftab.stochastic import LAYER
 from brdftab.table import Table
@@ -244,7 +244,7 @@ def plain(planned: Planned) -> Planned:
             name: plan.parameters.get(name, value) if isinstance(value, list) else value
             for name, value in given.items()
         }
-    items = tuple(item for item in plan.items if not _doubtful(item))
+    items = with_margin(tuple(item for item in plan.items if not _doubtful(item)), plan.tolerance)
     grid = plan.grid if plan.symmetric else plan.full
     new = replace(plan, parameters=given, grid=grid, apart=0, items=items)
     return Planned(planned.material, new, None, planned.seconds)

@@ -167,6 +167,16 @@ def _both(cell: float) -> tuple[float, float]:
     return cell, 1.1 * cell
 
 
+def with_margin(items: tuple[Item, ...], tolerance: float) -> tuple[Item, ...]:
+    """Return items of which the last that is measured takes up what the others leave of the tolerance."""
+    last = max(n for n, item in enumerate(items) if item.name in ("rules", "resolution"))
+    rest = tolerance - sum(item.cell for n, item in enumerate(items) if n != last)
+    if rest <= items[last].cell:
+        return items
+    cell, albedo = _both(rest)
+    return (*items[:last], replace(items[last], cell=cell, albedo=albedo), *items[last + 1 :])
+
+
 def resolved(planned: Planned, setup: Setup, effort: int = 0) -> Planned:
     """Choose the positions of a plan's table; with more effort by more lines, each to a smaller error."""
     plan, started = planned.plan, time.perf_counter()
@@ -185,9 +195,8 @@ def resolved(planned: Planned, setup: Setup, effort: int = 0) -> Planned:
         if grid.size < plan.full.size:
             apart, saved = found.apart, _saved(plan.full.size, grid.size)
             told = f"{'x'.join(map(str, grid.shape))} positions, with cubics in log f between them"
-            # what no other item uses up is a margin
-            rest = max(allowed, plan.tolerance - sum(item.cell for item in items))
-            items = (*items, Item("resolution", told, "measured", *_both(rest), time=saved, size=saved))
+            items = (*items, Item("resolution", told, "measured", *_both(allowed), time=saved, size=saved))
+    items = with_margin(items, plan.tolerance)
     predicted = _predicted(replace(plan, grid=grid, items=items), build, rate)
     new = replace(plan, grid=grid, apart=apart, items=items, predicted=plan.predicted | predicted)
     return Planned(planned.material, new, engine, planned.seconds)
