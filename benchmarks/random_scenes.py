@@ -16,7 +16,6 @@ from __future__ import annotations
 import argparse
 import functools
 import json
-import math
 import statistics
 import sys
 import tempfile
@@ -42,7 +41,6 @@ GRIDS = ("90x90x180", "6x12x6x12", "45x45+45x90")
 FOUR, WAIT = "15x24x15x24", 10.0
 # grids on which kernels are compiled and cells timed; and those of full tables that would take more seconds than this
 SMALL, COARSE, DEAR = ("6x6x12", "3x4x3x4", "4x4+4x8"), ("30x30x60", "5x8x5x8", "16x16+16x32"), 30.0
-MIDDLE = ("12x12x24", "4x6x4x6", "6x6+6x12")
 LONG, SEEDS = 2.0, (11, 12, 13, 14)
 
 
@@ -85,17 +83,15 @@ def measure(one: Material, folder: Path, warm: bool) -> dict[str, object]:
     if not warm:
         carry_out(plan_material(small))
         full(small)
-    seconds, sizes = [], []
-    for name in (SMALL[kind], MIDDLE[kind]):
-        seconds.append(timed(functools.partial(full, replace(one, grid=name)), folder)[0])
-        sizes.append(Grid.resolve(name).size)
-        if seconds[-1] > DEAR / 3.0:
-            break
-    # what a table takes whatever its size says nothing of larger ones
-    rate = (seconds[-1] - seconds[0]) / (sizes[-1] - sizes[0]) if len(sizes) > 1 else math.inf
-    if seconds[0] + rate * Grid.resolve(one.grid).size > DEAR:
-        coarse = COARSE[kind]
-        one = replace(one, grid=coarse if seconds[0] + rate * Grid.resolve(coarse).size <= DEAR else SMALL[kind])
+    seconds = timed(functools.partial(full, small), folder)[0]
+    if seconds > DEAR / 3.0:
+        one = small
+    else:
+        coarse = replace(one, grid=COARSE[kind])
+        # what a table takes whatever its size says nothing of larger ones
+        more = timed(functools.partial(full, coarse), folder)[0] - seconds
+        if seconds + more * Grid.resolve(one.grid).size / Grid.resolve(coarse.grid).size > DEAR:
+            one = coarse
 
     def both() -> tuple[tuple[float, float, object], tuple[float, float, object]]:
         return timed(lambda: carry_out(plan_material(one)), folder), timed(lambda: full(one), folder)

@@ -18,6 +18,8 @@ PARTS, ROUNDS, DEGREE = 12, 11, 4
 # values below this share of the line's largest are dark
 DARK = 1e-12
 TINY = 1e-300
+# the other side of a jump at zero
+LEAST = 1e-200
 
 
 def _smooth_fit() -> tuple[Array, Array]:
@@ -103,6 +105,11 @@ def jumps(f: Callable[[Array, Any], Array], t: Array, values: Array) -> list[Jum
     top = np.abs(values).max(axis=0)
     found = []
     for a, b, s, n in zip(low, high, size, line, strict=True):
+        if a == 0.0 and b > LEAST:
+            # numbers lie closest at zero: a root there rises as steeply as any jump over all others
+            b = LEAST
+            ends = f(np.array([a, b]), np.array([n, n]))
+            s = abs(ends[1] - ends[0]) / max(abs(ends).max(), TINY)
         here = abs(float(f(np.array([a]), np.array([n]))[0]))
         there = abs(float(f(np.array([b]), np.array([n]))[0]))
         if max(here, there) > DARK * top[n]:
