@@ -148,9 +148,13 @@ def expanded(table: Table, full: Grid, picked: Mapping[str, NDArray[np.int64]] |
         mesh = np.meshgrid(*full.axes.values(), indexing="ij")
         ti, pi_, to, po = mesh
         return interpolate(table, ti, to, po - pi_, phi_i=pi_)
-    logs = to_log(table.values.astype(np.float64), floor)
-    for axis, name in enumerate(full.axis_names):
+    rules, used = [], []
+    for name in full.axis_names:
         wanted = full.axes[name][picked[name]] if picked and name in picked else full.axes[name]
         dense = matrix(table.grid.axes[name], wanted, **_options(name, apart))
+        used.append(np.flatnonzero(dense.any(axis=0)))
+        rules.append(dense[:, used[-1]])
+    logs = to_log(table.values[np.ix_(*used)].astype(np.float64), floor)
+    for axis, dense in enumerate(rules):
         logs = np.moveaxis(np.tensordot(dense, logs, axes=(1, axis)), 0, axis)
     return from_log(logs, floor)
