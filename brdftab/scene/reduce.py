@@ -47,7 +47,10 @@ class Probes:
         if singular_setup(setup) is None or self.grid.cell != "center":
             return np.empty((0, 1, 1))
         cells = np.asarray(self.grid.mirror_cells()).reshape(-1, len(self.grid.shape))
-        some = cells[np.unique(np.linspace(0, len(cells) - 1, MIRRORS).round().astype(int))] if len(cells) else cells
+        if not len(cells):
+            # no light meets its own mirror direction
+            return np.empty((0, 1, 1))
+        some = cells[np.unique(np.linspace(0, len(cells) - 1, MIRRORS).round().astype(int))]
         return mirror_average(Engine(setup, tolerance, orders, fast=False), self.grid, some, NODES)
 
     def values(self, setup: Setup, tolerance: float, orders: int = 0) -> tuple[Array, float]:
