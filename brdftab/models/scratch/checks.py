@@ -14,3 +14,6 @@ SETTINGS = (
     {"rays": None},
 )
 FURNACE = tuple({"profile": profile, "material": "mirror"} for profile in ("quartic:1", "u:2:100", "v:40"))
+# without max_bounces 64 are traced; the cone's half width is that of the samples along the scratch
+UNCAPPED = False
+CONE = "psi"

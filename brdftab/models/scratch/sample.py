@@ -29,7 +29,7 @@ def draw(
     p = np.arcsin(np.clip(sines[k] + v * (sines[k + 1] - sines[k]), -1.0, 1.0))
     # (1 - x^2)^2 is a beta distribution on (-1, 1)
     t = -t_i + psi * (2.0 * rng.beta(3.0, 3.0, n) - 1.0)
-    valid = np.abs(t) < 0.5 * math.pi
+    valid = (np.abs(t) < 0.5 * math.pi) & (sums[-1] > 0.0)
     up, across = np.cos(t) * np.cos(p), np.cos(t) * np.sin(p)
     theta_o = np.arccos(np.clip(up, -1.0, 1.0))
     phi_o = np.mod(np.arctan2(across, np.sin(t)), 2.0 * math.pi)

@@ -79,10 +79,10 @@ class Traced:
 
     @cached_property
     def cumulative(self) -> Array:
-        """Sums over exit bins (M, M + 1) of each incident bin's flux, from 0 to 1."""
+        """Sums over exit bins (M, M + 1) of each incident bin's flux, from 0 to 1; 0 where no light comes back."""
         total = self.layers.sum(axis=0).T
         sums = np.concatenate([np.zeros((self.bins, 1)), np.cumsum(total, axis=1)], axis=1)
-        return sums / sums[:, -1:]
+        return np.divide(sums, sums[:, -1:], out=np.zeros_like(sums), where=sums[:, -1:] > 0.0)
 
     @cached_property
     def entries(self) -> shade.Entries:

@@ -42,19 +42,24 @@ def features(theta_o: Array, phi: Array, theta_i: float) -> Array:
     return np.stack([np.ones_like(c), c, c * c, x, x * x, y * y, x * c, c**8, near, near * x])
 
 
-def nodes(setup: Setup, theta_i: float) -> tuple[Array, Array, Array]:
-    """Return views, their azimuths relative to the light, and solid angles: half vectors, or cones around the grain."""
+def nodes(setup: Setup, theta_i: float, width: float = math.pi) -> tuple[Array, Array, Array]:
+    """Return views, their azimuths relative to the light, and solid angles: half vectors, or cones around the grain.
+
+    Cones are looked at within so much (radians) of the light's own.
+    """
     if not setup.model.grain or setup.alpha_x != 1.0:
         theta_o, phi, weight = half_vector_nodes(setup, theta_i, AZIMUTH, NODES)
         return theta_o, phi, weight / np.cos(theta_o)
-    # no highlight's width is known: angle along the grain and around it
-    step = math.pi / CONES
-    t, p = (a.reshape(-1) for a in np.meshgrid(*[step * (np.arange(CONES) + 0.5) - 0.5 * math.pi] * 2, indexing="ij"))
+    # angle along the grain and around it
+    mirrored = -math.asin(math.sin(theta_i) * math.cos(AZIMUTH))
+    low, high = max(mirrored - width, -0.5 * math.pi), min(mirrored + width, 0.5 * math.pi)
+    share = (np.arange(CONES) + 0.5) / CONES
+    t, p = (a.reshape(-1) for a in np.meshgrid(low + (high - low) * share, math.pi * (share - 0.5), indexing="ij"))
     azimuth = np.arctan2(np.cos(t) * np.sin(p), np.sin(t))
-    return np.arccos(np.cos(t) * np.cos(p)), azimuth - AZIMUTH, np.cos(t) * step * step
+    return np.arccos(np.cos(t) * np.cos(p)), azimuth - AZIMUTH, np.cos(t) * (high - low) * math.pi / CONES**2
 
 
-def distances(setup: Setup, theta_i: float, drawn: Samples) -> Iterator[tuple[str, float]]:
+def distances(setup: Setup, theta_i: float, drawn: Samples, width: float = math.pi) -> Iterator[tuple[str, float]]:
     """Give (what, distance in standard errors over 5) of one set of samples."""
     count = drawn.valid.size
     walks = hasattr(models.sampler(setup.model.name), "walk")
@@ -70,7 +75,7 @@ def distances(setup: Setup, theta_i: float, drawn: Samples) -> Iterator[tuple[st
     if walks:
         # the density of whole walks is approximate by declaration
         return
-    theta_o, phi, measure = nodes(setup, theta_i)
+    theta_o, phi, measure = nodes(setup, theta_i, width)
     density = pdf(setup.model.name, theta_i, theta_o, phi, phi_i=AZIMUTH, **setup.parameters)
     integral = features(theta_o, phi, theta_i) @ (density * measure)
     seen = features(drawn.theta_o, drawn.phi_o - AZIMUTH, theta_i) * drawn.valid
@@ -86,7 +91,8 @@ def findings(subject: Subject) -> Iterator[Finding]:
             # the seed of estimators has the name of the sampler's own
             given = {k: v for k, v in probe.setup.parameters.items() if k != "seed"}
             drawn = sample(subject.model, theta, count, phi_i=AZIMUTH, seed=1, **given)
-            for what, off in distances(probe.setup, theta, drawn):
+            width = probe.setup.values.get(subject.said("CONE", ""), math.pi)
+            for what, off in distances(probe.setup, theta, drawn, width):
                 where = (theta, theta, math.pi, AZIMUTH)
                 bound = 1.0
                 yield Finding("sampling", subject.model, off, bound, probe.setup.parameters, where, what)
