@@ -14,7 +14,7 @@ from random_scenes import scenes
 
 import brdftab
 from brdftab.cli import main
-from brdftab.errors import BrdftabError
+from brdftab.errors import BrdftabError, FileFormatError
 from brdftab.grid import Grid
 from brdftab.scene import cache, carry_out, expand, interpolate, parse, plan_material, plan_scene, verify
 from brdftab.scene.albedo import interpolate_albedo
@@ -226,6 +226,44 @@ def test_negative_channels_are_looked_up():
     one, _, table = made(model="ashikhmin-shirley", grid="6x8x6x8", parameters=parameters)
     assert table.values.min() < -1e-3
     assert verify(one, table)["holds"]
+
+
+def test_lights_that_never_meet_their_own_mirror_direction():
+    one, plan, table = made(model="vgroove-sym", grid="18x18x24", theta_i=[0, 20], theta_o=[50, 80])
+    assert not len(plan.full.mirror_cells())
+    assert verify(one, table)["holds"]
+
+
+def test_coarse_grids_promise_what_was_asked():
+    """Averages of wide cells take more than the rules' own share: what no other item uses is theirs."""
+    parameters = {"ior": 1.1282393132837922, "ndf": "ggx", "alpha": 0.17546655986686935}
+    one, plan, table = made(
+        model="vgroove-nonsym", grid="6x6x12", tolerance=5.4e-3, theta_i=[0, 67], parameters=parameters
+    )
+    assert "resolution" not in {item.name for item in plan.items}
+    assert plan.cell_error == pytest.approx(plan.tolerance)
+    assert verify(one, table)["holds"]
+
+
+@pytest.mark.parametrize(
+    ("damage", "words"),
+    [
+        ({"kept": {"theta_i": [3, 2]}}, "kept.theta_i must increase"),
+        ({"kept": {"theta_i": [0, 99]}}, "from 0 to 8 at most"),
+        ({"kept": {"phi_i": [0]}}, "kept.phi_i must list"),
+        ({"kept": {"theta_i": [0.5]}}, "kept.theta_i must list"),
+        ({"kept": [1]}, "kept needs a mapping"),
+        ({"text": "9x", "cell": "center"}, "9x"),
+        ({"axes": 1}, "axes and edges"),
+    ],
+)
+def test_damaged_grids_of_a_plan_are_refused(damage, words):
+    _, plan, _ = made(model="lambert", grid="9x9x18")
+    data = plan.to_json()
+    assert data["whole"] == {"text": "9x9x18", "cell": "center"}
+    assert Plan.from_json(data).full == plan.full
+    with pytest.raises(FileFormatError, match=words):
+        Plan.from_json(data | {"full": damage})
 
 
 def test_absolute_azimuths_are_periodic():

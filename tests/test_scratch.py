@@ -400,3 +400,13 @@ def test_approximate_reflectances_are_chosen_by_name():
     assert (np.abs(lazanyi - exact) < 0.25 * np.abs(schlick - exact)).all()
     with pytest.raises(ParameterError, match="fresnel = cook"):
         scratch.albedo(0.0, fresnel="cook")
+
+
+def test_no_light_comes_back_from_a_well_too_deep_to_trace():
+    """Columns without flux have no density; they were 0/0."""
+    scratch = brdftab.trace_scratch("u:100:100", bins=32, rays=512)
+    drawn = scratch.sample(1.4, 200, phi_i=1.57, seed=3, material="mirror")
+    assert not drawn.valid.any()
+    assert np.all(drawn.pdf == 0.0)
+    assert np.all(drawn.weight == 0.0)
+    assert scratch.pdf(1.4, 1.4, math.pi, phi_i=1.57) == 0.0
