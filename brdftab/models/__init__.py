@@ -242,12 +242,12 @@ def twin(name: str) -> ModuleType:
 def checks(name: str) -> ModuleType | None:
     """Import and return what a model's folder says to `brdftab check` of itself, or None where it is silent.
 
-    A module ``checks`` may have: ``TOLERANCE`` (at which the checks evaluate), ``CHEAP`` (settings that keep it quick),
-    ``SETTINGS`` (extremes that no bound tells), ``FURNACE`` (settings that must return all light), ``SWITCHES`` (where
-    it changes formula), ``SKIP`` and ``SKIP_FAST`` (why a property is not measured), ``UNCAPPED``
-    (False where bounces end even if no cap is given), ``CONE`` (the parameter that is the half width of a cone); and how
-    much is enough where it is dear, by "fast" and "full": ``THIN`` (every n-th setting), ``DIRECTIONS`` (every n-th), ``SCANS``, ``VARIANTS``,
-    ``BOX`` (how many), and for both ``TWIN_DIRECTIONS``.
+    A module ``checks`` may have: ``TOLERANCE`` (at which the checks evaluate), ``CHEAP`` (settings that keep it
+    quick), ``SETTINGS`` (extremes that no bound tells), ``FURNACE`` (settings that must return all light),
+    ``SWITCHES`` (where it changes formula), ``SKIP`` and ``SKIP_FAST`` (why a property is not measured),
+    ``UNCAPPED`` (False where bounces end even if no cap is given), ``CONE`` (the parameter that is the half width
+    of a cone); and how much is enough where it is dear, by "fast" and "full": ``THIN`` (every n-th setting),
+    ``DIRECTIONS`` (every n-th), ``SCANS``, ``VARIANTS``, ``BOX`` (how many), and for both ``TWIN_DIRECTIONS``.
 
     Raises
     ------

@@ -28,6 +28,8 @@ EXACT: Rule = (NODES, 12, 20.0)
 FEWER: Rule = (6, 8, 12.0)
 SMOOTH: Rule = (10, 12, 12.0)
 LOOSE, SMOOTHEST = 1e-4, 0.3
+# of GGX and Phong facets below this roughness fewer nodes leave 1e-4 of 1 - E at .01 and 7e-2 at 1e-4
+FINEST = 0.02
 
 
 @kernel
@@ -155,7 +157,7 @@ def _pairs(fresnel: Fresnel) -> list[tuple[float, float]]:
 
 def _rule(ndf: int, alpha: float, tolerance: float, divided: bool) -> Rule:
     """Return the rule of a table; `divided`: 1 - E is divided by its average, so that its relative error counts."""
-    if tolerance < LOOSE:
+    if tolerance < LOOSE or (ndf != 0 and alpha < FINEST):
         return EXACT
     return SMOOTH if divided and ndf == 0 and alpha < SMOOTHEST else FEWER
 
