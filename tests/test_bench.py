@@ -22,7 +22,7 @@ from brdftab.bench.run import QUICK
 from brdftab.bench.timing import forget, timed
 from brdftab.cells import gauss
 from brdftab.cli import main
-from brdftab.errors import FileFormatError, ParameterError
+from brdftab.errors import BrdftabError, FileFormatError, ParameterError
 from brdftab.grid import Grid
 from brdftab.models.setup import resolve
 
@@ -187,6 +187,20 @@ def test_peers_that_cannot_compute_a_surface_say_why():
     assert "separable" in lines[0]["reason"]
     assert peers.missing(resolve("cook-torrance")) == []
     assert peers.methods(resolve("smith", ndf="phong"), Grid.parse("2x2x2")) == []
+
+
+def test_a_library_that_does_not_serve_is_named(monkeypatch):
+    mitsuba = pytest.importorskip("mitsuba")
+
+    def refuse(variant):
+        raise ImportError("the LLVM backend is inactive")
+
+    monkeypatch.setattr(mitsuba, "set_variant", refuse)
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/lib/libLLVM-14.so")
+    made = peers.methods(resolve("smith", ndf="ggx", masking="separable"), Grid.parse("2x2x2"))
+    (vector,) = [m for m in made if m.name == f"mitsuba {peers.LLVM}"]
+    with pytest.raises(BrdftabError, match="libLLVM-14.so does not serve Mitsuba; set it to libLLVM 19"):
+        vector.make()
 
 
 def test_caps_lose_what_lies_above_them():

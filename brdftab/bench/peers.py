@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from brdftab import models
 from brdftab.bench.measures import all_angles
 from brdftab.bench.methods import Kernel, Method
+from brdftab.errors import BrdftabError
 from brdftab.grid import Grid
 from brdftab.models.setup import Setup
 
@@ -85,7 +86,11 @@ def _vector(setup: Setup, grid: Grid, plugin: dict[str, Any]) -> Callable[[], Ke
         import drjit as dr
         import mitsuba as mi
 
-        mi.set_variant(LLVM)
+        try:
+            mi.set_variant(LLVM)
+        except ImportError as error:
+            library = os.environ.get("DRJIT_LIBLLVM_PATH")
+            raise BrdftabError(f"DRJIT_LIBLLVM_PATH = {library} does not serve Mitsuba; set it to libLLVM 19") from error
         bsdf = mi.load_dict(plugin)
         light, view, inverse = _vectors(grid)
         si = dr.zeros(mi.SurfaceInteraction3f, light.shape[1])
