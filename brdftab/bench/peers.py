@@ -90,7 +90,9 @@ def _vector(setup: Setup, grid: Grid, plugin: dict[str, Any]) -> Callable[[], Ke
             mi.set_variant(LLVM)
         except ImportError as error:
             library = os.environ.get("DRJIT_LIBLLVM_PATH")
-            raise BrdftabError(f"DRJIT_LIBLLVM_PATH = {library} does not serve Mitsuba; set it to libLLVM 19") from error
+            raise BrdftabError(
+                f"DRJIT_LIBLLVM_PATH = {library} does not serve Mitsuba; set it to libLLVM 19"
+            ) from error
         bsdf = mi.load_dict(plugin)
         light, view, inverse = _vectors(grid)
         si = dr.zeros(mi.SurfaceInteraction3f, light.shape[1])

@@ -187,11 +187,11 @@ def resolved(planned: Planned, setup: Setup, effort: int = 0) -> Planned:
     build = time.perf_counter() - started
     share, times = EFFORTS[setup.model.kinked and setup.values.get("masking") != "smith"][effort]
     items = tuple(item for item in plan.items if item.name != "resolution")
-    grid, apart, rate = plan.grid, 0, 0.0
+    grid, apart, rate = plan.grid, 0, (0.0, 0.0)
     if plan.full.isotropic and not plan.full.below:
         allowed = SHARES["resolution"] * plan.tolerance
         found = keep(engine, plan.full, share * allowed, plan.floor, plan.dtype, times)
-        grid, build, rate = found.grid, build + found.fixed, found.rate
+        grid, rate = found.grid, (found.rate, found.step)
         if grid.size < plan.full.size:
             apart, saved = found.apart, _saved(plan.full.size, grid.size)
             told = f"{'x'.join(map(str, grid.shape))} positions, with cubics in log f between them"
@@ -202,9 +202,9 @@ def resolved(planned: Planned, setup: Setup, effort: int = 0) -> Planned:
     return Planned(planned.material, new, engine, planned.seconds)
 
 
-def _predicted(plan: Plan, build: float, rate: float) -> dict[str, float]:
+def _predicted(plan: Plan, build: float, rate: tuple[float, float]) -> dict[str, float]:
     """Return the seconds that the table takes, and that of the whole grid without the plan."""
-    if rate == 0.0:
+    if rate == (0.0, 0.0):
         return {}
     assert plan.grid is not None
     assert plan.whole is not None
@@ -212,11 +212,11 @@ def _predicted(plan: Plan, build: float, rate: float) -> dict[str, float]:
     for item in plan.items:
         if item.name in ("wavelengths", "bounces", "lobe"):
             slower /= max(1.0 - item.time, 0.05)
-    halves = [0.5 if grid.square else 1.0 for grid in (plan.grid, plan.whole)]
-    return {
-        "seconds": build + rate * plan.grid.size * halves[0],
-        "seconds_unplanned": slower * (build + rate * plan.whole.size * halves[1]),
-    }
+    planned, whole = (
+        (rate[0] * grid.size + rate[1] * grid.theta_i.size * grid.theta_o.size) * (0.5 if grid.square else 1.0)
+        for grid in (plan.grid, plan.whole)
+    )
+    return {"seconds": build + planned, "seconds_unplanned": slower * (build + whole)}
 
 
 def _bytes(plan: Plan, setup: Setup) -> dict[str, float]:

@@ -41,15 +41,15 @@ class Kept:
         Last azimuths that hold averages of cells.
     error : float
         Sum over the axes of the largest error on any line, relative.
-    fixed, rate : float
-        Seconds of a fill whatever its size, and a cell.
+    rate, step : float
+        Seconds of a fill a cell, and a pair of polar angles.
     """
 
     grid: Grid
     apart: int
     error: float
-    fixed: float
     rate: float
+    step: float
 
 
 def _spread(count: int, least: int, power: float = 1.5) -> NDArray[np.int64]:
@@ -120,7 +120,7 @@ def keep(engine: Engine, grid: Grid, tolerance: float, floor: float, dtype: str,
     once(f"fill of {engine.setup.model.name}, {engine.is_fast}", lambda: _slab(engine, grid, few, dtype))
     started = time.perf_counter()
     across = _slab(engine, grid, {"theta_i": rows, "theta_o": columns}, dtype)
-    slabs = [(across[..., 0].size, time.perf_counter() - started)]
+    slabs = [(across[..., 0].size, rows.size * columns.size, time.perf_counter() - started)]
     kept, error = {}, 0.0
     lines = np.moveaxis(across, 2, 0).reshape(grid.phi.size, -1, across.shape[-1])
     kept["phi"], worst = choose(grid.phi, _bent(lines, floor, times), allowed, even=EVEN["phi"], apart=apart)
@@ -129,8 +129,8 @@ def keep(engine: Engine, grid: Grid, tolerance: float, floor: float, dtype: str,
         started = time.perf_counter()
         azimuths = _spread(grid.phi.size, times * _lines(AZIMUTHS, grid.theta_i.size * grid.theta_o.size), MIRRORED)
         along = _slab(engine, grid, {"phi": azimuths}, dtype)
-        halved = 2 if grid.square and engine.setup.model.reciprocal else 1
-        slabs.append((along[..., 0].size // halved, time.perf_counter() - started))
+        pairs = grid.theta_i.size * grid.theta_o.size // (2 if grid.square and engine.setup.model.reciprocal else 1)
+        slabs.append((azimuths.size * pairs, pairs, time.perf_counter() - started))
         for axis, name in enumerate(("theta_i", "theta_o")):
             lines = np.moveaxis(along, axis, 0).reshape(along.shape[axis], -1, along.shape[-1])
             kept[name], worst = choose(grid.axes[name], _bent(lines, floor, times), allowed)
@@ -140,13 +140,19 @@ def keep(engine: Engine, grid: Grid, tolerance: float, floor: float, dtype: str,
     return Kept(part(grid, kept), apart, error, *_cost(slabs))
 
 
-def _cost(slabs: list[tuple[int, float]]) -> tuple[float, float]:
-    """Return the fixed seconds of a fill and those a cell, from slabs of (cells, seconds)."""
-    (most, longest), (least, shortest) = max(slabs), min(slabs)
-    if most == least or longest <= shortest:
-        return 0.0, longest / most
-    rate = (longest - shortest) / (most - least)
-    return max(0.0, shortest - rate * least), min(rate, longest / most)
+def _cost(slabs: list[tuple[int, int, float]]) -> tuple[float, float]:
+    """Return the seconds of a fill a cell and a pair of polar angles, from slabs of (cells, pairs, seconds)."""
+    (n, p, s), (m, q, t) = slabs[0], slabs[-1]
+    across = float(n * q - m * p)
+    if across != 0.0:
+        rate, step = (s * q - t * p) / across, (t * n - s * m) / across
+        if rate >= 0.0 and step >= 0.0:
+            return rate, step
+    cells, pairs = [slab[2] / slab[0] for slab in slabs], [slab[2] / slab[1] for slab in slabs]
+    # one of the two alone, by which the slabs differ less
+    if max(pairs) * min(cells) < max(cells) * min(pairs):
+        return 0.0, sum(pairs) / len(pairs)
+    return sum(cells) / len(cells), 0.0
 
 
 def largest_error(engine: Engine, table: Table, plan: Plan, seed: int) -> float:
