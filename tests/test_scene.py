@@ -4,6 +4,7 @@ import json
 import math
 import multiprocessing
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -292,6 +293,19 @@ def test_part_of_a_grid_keeps_the_edges_of_neighbours():
 
 
 # ---------------------------------------------------------------- files and commands
+
+
+def test_the_example_is_planned_as_the_readme_says():
+    root = Path(__file__).resolve().parents[1]
+    result = CliRunner().invoke(main, ["plan", str(root / "examples" / "scene.toml")])
+    assert result.exit_code == 0, result.output
+    shown = (root / "README.md").read_text()
+    # lines that tell no time; of the other materials the page shows no plan
+    first = result.output[: result.output.index("brushed")].splitlines()
+    lines = [x for x in first if x.startswith(("gold", "  wavelengths", "  directions", "  resolution", "  promised"))]
+    assert len(lines) == 5
+    for line in [*lines, result.output.splitlines()[-1]]:
+        assert line in shown
 
 
 def test_a_planned_table_repeats_from_its_file(tmp_path):
