@@ -76,7 +76,9 @@ def _mirrors() -> list[Case]:
         theta = math.acos(math.cos(along) * math.cos(p))
         light = math.atan2(math.cos(along) * math.sin(p), math.sin(along))
         blur = 15.0 / (16.0 * psi)
-        value = blur / (share * math.cos(along) ** 2)
+        # the whole cone: int 15/16 (1 - x^2)^2 cos(psi x) dx
+        whole = 1.0 - psi**2 / 14.0 + psi**4 / 504.0
+        value = blur / (share * math.cos(along) ** 2 * whole)
         angles = (math.degrees(theta), math.degrees(theta), 180.0)
         given = {"profile": "flat", "bins": bins, "psi": psi, "material": "mirror"}
         found.append(
