@@ -163,6 +163,20 @@ def test_jump_is_measured_where_it_is():
     assert all(jump.size < 1e-12 for jump in found if jump is not worst)
 
 
+@pytest.mark.parametrize(("step", "seen"), [(0.0, False), (0.5, True)])
+def test_a_root_at_zero_is_no_jump(step, seen):
+    """sqrt(x) rises over all numbers next to 0; what jumps there jumps at the smallest of them, too."""
+    t = np.linspace(0.0, 1.0, 257)
+
+    def f(x, line):
+        return 1.0 + np.sqrt(x) + step * (x > 0.0)
+
+    found = [jump.size for jump in jumps(f, t, f(t, 0)[:, None]) if jump.below == 0.0]
+    assert len(found) == 1
+    assert found[0] == pytest.approx(step / (1.0 + step), abs=1e-12)
+    assert (found[0] > 1e-6) is seen
+
+
 # ---------------------------------------------------------------- settings
 
 

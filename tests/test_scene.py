@@ -118,6 +118,16 @@ def test_a_scratch_that_leans_keeps_its_azimuths(tmp_path):
     assert [("symmetry" in names(plan)) for plan in found] == [False, True]
 
 
+def test_a_quarter_that_rounding_spoils_is_given_up():
+    """Light at these azimuths lies on edges of the flux bins: rounding alone decides, and folded 20 times f is lost."""
+    keys = {"profile": "u:100:100", "material": "mirror", "bins": 16, "rays": 64}
+    one, plan, table = made(model="scratch", grid="4x6x4x6", parameters=keys)
+    assert "symmetry" in names(plan)
+    assert "symmetry" not in names(Plan.from_json(table.provenance["plan"]))
+    assert table.provenance["error"]["met"]
+    assert verify(one, table)["holds"]
+
+
 def test_bounces_are_judged_at_the_angles_of_the_scene():
     """Steep facets, which a second bounce takes, are seen at grazing angles only."""
     keys = {"model": "vgroove-sym", "grid": "12x12x16", "parameters": {"alpha": 0.2}, "floor": 1e-3}
