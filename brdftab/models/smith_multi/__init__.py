@@ -16,7 +16,8 @@ SPEC = Model(
             "auto",
             None,
             "solver: no noise, isotropic; pt, bdpt: path tracing; hybrid: orders 1, 2 by quadrature, rest by bdpt; "
-            "auto: solver, or for anisotropic surfaces hybrid (conductor) and pt (dielectric)",
+            "auto: solver, or for anisotropic surfaces hybrid (conductor) and pt (dielectric); hybrid also where GGX "
+            "facets reflect all light from an angle on (eta < 1, k near 0)",
             "choice",
             ("auto", "solver", "pt", "bdpt", "hybrid"),
         ),

@@ -4,10 +4,24 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from brdftab.errors import ParameterError
+from brdftab.materials.fresnel import CONDUCTOR
+from brdftab.models.microfacet.ndf import BECKMANN
 from brdftab.models.setup import Setup
+from brdftab.models.smith_multi.volterra.poles import followed
 
 SOLVER_ALPHA = (0.01, 2.0)
+
+
+def _solvable(setup: Setup) -> bool:
+    """Tell whether the solver's sums follow the reflectance; those of Beckmann facets are fitted at all angles."""
+    f = setup.fresnel
+    # absorbing and dense metals are known to be smooth
+    if f is None or setup.ndf == BECKMANN or f.kind != CONDUCTOR or bool(((f.b >= 1.0) | (f.a >= 1.1)).all()):
+        return True
+    return followed(f.kind, tuple(f.a.tolist()), tuple(f.b.tolist()))
 
 
 def settle(setup: Setup) -> Setup:
@@ -21,8 +35,9 @@ def settle(setup: Setup) -> Setup:
     asked, below = setup.values["estimator"], setup.transmits
     low, high = SOLVER_ALPHA
     chosen = asked
+    solvable = _solvable(setup)
     if asked == "auto":
-        chosen = "solver" if setup.isotropic else ("pt" if below else "hybrid")
+        chosen = "solver" if setup.isotropic and solvable else ("pt" if below else "hybrid")
     if chosen == "solver":
         if not setup.isotropic:
             raise ParameterError(
@@ -33,6 +48,13 @@ def settle(setup: Setup) -> Setup:
             raise ParameterError(
                 f"alpha = {setup.alpha_x:g} is outside [{low:g}, {high:g}], where the solver is accurate; use "
                 f"estimator = {'pt' if below else 'bdpt'}"
+            )
+        if not solvable:
+            assert setup.fresnel is not None
+            worst = int(np.argmin(setup.fresnel.b))
+            raise ParameterError(
+                f"estimator = solver cannot follow the reflectance of eta = {setup.fresnel.a[worst]:g}, k = "
+                f"{setup.fresnel.b[worst]:g}, which turns sharply at an angle; use hybrid, bdpt or pt, or a larger k"
             )
         for name, idle in (("samples", None), ("seed", 0), ("roulette", "off")):
             if setup.values[name] != idle:

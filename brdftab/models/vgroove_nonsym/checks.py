@@ -12,6 +12,7 @@ TWIN_DIRECTIONS = 40
 # both sides of each change of rule and of the fitted reflectance
 SWITCHES = (
     ("nodes at 1e-4", {"ndf": "ggx", "alpha": 0.5, "material": "mirror"}, "tolerance", 1e-4),
+    ("orders at 1e-5", {"ndf": "ggx", "alpha": 0.5, "material": "mirror"}, "tolerance", 1e-5),
     ("nodes at 1e-6", {"ndf": "ggx", "alpha": 0.5, "material": "mirror"}, "tolerance", 1e-6),
     ("fitted reflectance", {"ndf": "beckmann", "alpha": 0.5, "eta": 0.2, "k": 3.0}, "tolerance", 0.999e-5),
 )

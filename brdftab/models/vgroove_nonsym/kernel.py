@@ -26,11 +26,12 @@ MIRROR = 1e-14
 DEPTH = 45.0
 SERIES_REACH = 1e-5
 # tolerance from which on: explicit orders, tail nodes, nodes a panel, fine cuts; dim facets take the nodes, mirrors the
-# orders: (16, 3, 5) left 1e-3 of both
+# orders: (16, 3, 5) left 1e-3 of both; beside the mirror direction 32 orders leave 6e-6 alpha^2, 64 leave 5e-7 alpha^2
 RULES = (
     (5e-4, (16, 3, 6, False)),
     (1e-4, (32, 6, 7, False)),
-    (1e-6, (32, 6, 8, True)),
+    (1e-5, (32, 6, 8, True)),
+    (1e-6, (64, 6, 8, True)),
     (0.0, (64, 10, 14, True)),
 )
 # from this order on two tilts stand for all, which costs up to 3e-4 where a metal absorbs (order 4: 2.4e-3)
@@ -112,15 +113,17 @@ def _points(theta_i, theta_o, phi, phi_i, ndf, alpha_x, alpha_y, fresnel, weight
         project(by_order, weights, out[n])
 
 
-def rule(tolerance: float) -> tuple[int, int, int, bool]:
-    """Return explicit orders, tail nodes, nodes a panel, fine scale cuts, for a relative tolerance."""
-    return next(found for least, found in RULES if tolerance >= least)
+def rule(tolerance: float, alpha: float = 1.0) -> tuple[int, int, int, bool]:
+    """Return explicit orders, tail nodes, nodes a panel, fine scale cuts, for a relative tolerance and a roughness."""
+    # the far orders, which the tail stands for, weigh as the square of the roughness
+    asked = tolerance / max(1.0, alpha * alpha)
+    return next(found for least, found in RULES if asked >= least)
 
 
 def arrays(setup: Setup, tolerance: float) -> tuple[Any, ...]:
     """Return the kernel arguments that follow from the setup and the tolerance alone."""
     assert setup.fresnel is not None
-    k_explicit, tail, nodes, fine = rule(tolerance)
+    k_explicit, tail, nodes, fine = rule(tolerance, max(setup.alpha_x, setup.alpha_y))
     k_cap = NO_CAP if setup.max_bounces is None else setup.max_bounces
     sums = (
         k_explicit,

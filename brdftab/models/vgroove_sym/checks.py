@@ -4,6 +4,7 @@
 SWITCHES = (
     ("orders at 5e-4", {"ndf": "ggx", "alpha": 1.0, "material": "mirror"}, "tolerance", 5e-4),
     ("orders at 2e-5", {"ndf": "ggx", "alpha": 1.0, "material": "mirror"}, "tolerance", 2e-5),
+    ("orders at 2e-6", {"ndf": "ggx", "alpha": 1.0, "material": "mirror"}, "tolerance", 2e-6),
 )
 THIN = {"fast": 8, "full": 2}
 SCANS = {"fast": 1, "full": 3}

@@ -25,15 +25,13 @@ DEPTH = 45.0
 # Phong's faint terms: deep enough for the factor 1/sin(theta_h) next to the mirror direction
 PHONG_DEPTH = 80.0
 NO_CAP = 2_000_000_000
+# the kernel's up to alpha = 1, a test holds them equal
+RULES = ((5e-4, (24, 4)), (2e-5, (96, 6)), (2e-6, (256, 12)), (0.0, (512, 12)))
 
 
 def rule(tolerance: float) -> tuple[int, int]:
     """Return how many orders are summed one by one, and the nodes of the tail: as the kernel's `rule`."""
-    if tolerance >= 5e-4:
-        return 24, 4
-    if tolerance >= 2e-5:
-        return 96, 6
-    return 256, 12
+    return next(found for least, found in RULES if tolerance >= least)
 
 
 def families(plane: tuple[Array, ...]) -> dict[str, Array]:
