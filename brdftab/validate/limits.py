@@ -12,7 +12,6 @@ from brdftab.models.setup import resolve
 from brdftab.validate.finding import ANGLES, Finding
 
 TABLE = Path(__file__).with_name("limits.toml")
-_KEYS = {"name", "property", "model", "why", "size", "where", "beside", "example"}
 
 
 @dataclass(frozen=True)

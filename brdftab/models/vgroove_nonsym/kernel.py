@@ -31,7 +31,7 @@ RULES = (
     (5e-4, (16, 3, 6, False)),
     (1e-4, (32, 6, 7, False)),
     (1e-5, (32, 6, 8, True)),
-    (1e-6, (64, 6, 8, True)),
+    (1e-6, (64, 6, 10, True)),
     (0.0, (64, 10, 14, True)),
 )
 # from this order on two tilts stand for all, which costs up to 3e-4 where a metal absorbs (order 4: 2.4e-3)

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from brdftab.materials.fresnel import CONDUCTOR
 from brdftab.models import twins
 from brdftab.models.setup import Setup
 from brdftab.validate import differences, sweep
@@ -32,6 +33,15 @@ def numbers(setup: Setup) -> dict[str, int]:
     return {k: v.size for k, v in params.items() if k != "weights" and not (k == "alpha_y" and setup.isotropic)}
 
 
+def resolved(subject: Subject, setup: Setup) -> bool:
+    """Tell whether values meet the tolerance here: a model may name a range of conductors in which they do not."""
+    ranges, fresnel = subject.said("UNRESOLVED", None), setup.fresnel
+    if ranges is None or fresnel is None or fresnel.kind != CONDUCTOR:
+        return True
+    inside = [(low <= getattr(fresnel, n)) & (getattr(fresnel, n) <= high) for n, (low, high) in ranges.items()]
+    return not bool(np.logical_and.reduce(inside).any())
+
+
 def wrong(setup: Setup, name: str, channel: int, probe: Probe, slope: Array, kinked: bool) -> Array | None:
     """Return how far derivatives are off (N,), in multiples of what the differences can tell; None at a bound."""
     reach = 1e-3 if kinked else 0.02
@@ -56,10 +66,11 @@ def findings(subject: Subject) -> Iterator[Finding]:
             listed = sweep.setups(variant, interior=1 if subject.fast else 3)
             for setup, is_corner in listed[:: subject.said("TWIN_THIN", 1)]:
                 probe = Probe(setup, thinned(subject, directions(setup, rng, COUNT)), tolerance)
+                sure = resolved(subject, setup)
                 for name, size in numbers(setup).items():
                     channel = int(rng.integers(size))
                     slope = twins.derivative(setup, name, *probe.angles, tolerance, channel=channel)
                     lost = np.where(np.isfinite(slope).all(axis=-1), 0.0, np.inf)
-                    off = None if is_corner else wrong(setup, name, channel, probe, slope, kinked)
+                    off = None if is_corner or not sure else wrong(setup, name, channel, probe, slope, kinked)
                     total = lost if off is None else np.maximum(lost, off)
                     yield from probe.findings("gradient", total, 1.0, f"d f/d {name}")
