@@ -12,7 +12,7 @@ from brdftab.engine import Engine
 from brdftab.errors import ParameterError, SingularDirectionError
 from brdftab.grid import Grid
 from brdftab.models.ilm.cavity import interpolated, points_body, points_interreflection, points_specular
-from brdftab.models.ilm.cavity_anisotropic import Cavities
+from brdftab.models.ilm.cavity_anisotropic import Cavities, interpolate_azimuths
 from brdftab.models.ilm.cavity_energy import albedo_of_bodies
 from brdftab.models.ilm.cavity_exchange import exchange
 from brdftab.models.ilm.cavity_isotropic import Modes
@@ -179,6 +179,23 @@ def test_interpolation_between_directions_is_as_good_as_the_rule(sizes):
     # a share of the BRDF itself, of which this is some tenth
     error = np.abs(near - exact).max(axis=1) / (0.1 + exact.max(axis=1))
     assert np.quantile(error, 0.95) < (5e-4 if tolerance == 1e-3 else 5e-3)
+
+
+def test_interpolation_repeats_with_the_turn_and_mirrors_about_the_axes():
+    """Values of no pattern: only the same stencil, wherever the azimuths lie, gives the same numbers."""
+    values = np.random.default_rng(5).random((6, 5, 6, 16, 1))
+    a, b, phi, az = (x[:60] for x in directions(60))
+
+    def blended(phi_i, phi_o):
+        out = np.empty((a.size, 1))
+        interpolate_azimuths(values, a, b, np.ascontiguousarray(phi_i), np.ascontiguousarray(phi_o), out)
+        return out
+
+    expected = blended(az, az + phi)
+    turn = 2.0 * math.pi
+    for i, o in ((az, az + phi - turn), (az + turn, az + phi), (-az, -az - phi), (math.pi - az, math.pi - az - phi)):
+        # measured 3e-13, the rounding of azimuths
+        np.testing.assert_allclose(blended(i, o), expected, rtol=0.0, atol=1e-11)
 
 
 def test_finer_rules_converge():
