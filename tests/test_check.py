@@ -19,6 +19,8 @@ from brdftab.validate import condition, limits, maps, properties
 from brdftab.validate.finding import Finding
 from brdftab.validate.jumps import jumps
 from brdftab.validate.probe import Subject
+from brdftab.validate.properties.gradient import resolved
+from brdftab.validate.properties.reciprocity import between
 from brdftab.validate.run import check
 from brdftab.validate.settings import extremes, setups
 
@@ -161,6 +163,25 @@ def test_jump_is_measured_where_it_is():
     assert worst.size == pytest.approx(1e-7 * smooth / value, rel=1e-3)
     # the kink at 0.3 is none
     assert all(jump.size < 1e-12 for jump in found if jump is not worst)
+
+
+def test_reciprocity_through_an_interface_counts_the_squared_index():
+    """From above into glass f is n^2 times as large as from within out; reflections are the same both ways."""
+    setup = resolve("smith-multi", ior=[1.5, 2.0, 1.5])
+    theta_i, theta_o = np.radians([[30.0, 150.0, 20.0, 120.0], [160.0, 40.0, 60.0, 100.0]])
+    expected = [[2.25, 4.0, 2.25], [1 / 2.25, 0.25, 1 / 2.25], [1.0] * 3, [1.0] * 3]
+    np.testing.assert_allclose(between(setup, theta_i, theta_o), expected, rtol=1e-15)
+
+
+def test_derivatives_are_left_out_where_a_limit_names_the_values():
+    subject = Subject("vgroove-nonsym")
+    for optics, sure in (
+        ({"eta": [0.38, 0.007, 0.001], "k": [3e-4, 145.0, 822.0]}, False),
+        ({"eta": [0.38, 0.007, 1.5], "k": [1.0, 145.0, 0.0]}, True),
+        ({"ior": 1.5}, True),
+    ):
+        assert resolved(subject, resolve("vgroove-nonsym", **optics)) is sure
+    assert resolved(Subject("vgroove-sym"), resolve("vgroove-sym", eta=0.5, k=0.0))
 
 
 @pytest.mark.parametrize(("step", "seen"), [(0.0, False), (0.5, True)])

@@ -10,6 +10,7 @@ from oracles import groove_integral, groove_mc
 from oracles.groove_tracer import beams_grid
 
 import brdftab
+from brdftab import models
 from brdftab.bench.papers import lee
 from brdftab.bench.papers.grooves import closed_nonsymmetric, closed_symmetric
 from brdftab.models.setup import resolve
@@ -210,6 +211,28 @@ def test_monte_carlo_needs_no_special_variates():
 
 
 # ---------------------------------------------------------------- symmetries and extremes
+
+
+@pytest.mark.parametrize(("model", "long"), [("vgroove-sym", (20_000, 64)), ("vgroove-nonsym", (1024, 16, 16, True))])
+@pytest.mark.parametrize("alpha", [0.5, 2.0, 10.0])
+def test_tails_beside_the_mirror_direction_keep_the_tolerance(monkeypatch, model, long, alpha):
+    """A thousand orders and more summed one by one against the integral that stands for most of them."""
+    module = models.kernel(model)
+    setup = resolve(model, ndf="ggx", alpha=alpha, material="mirror")
+    degrees = [
+        [89.999, 45.0, 1e-8, 30.0, 60.0],
+        [89.999, 45.0, 0.0, 30.5, 60.1],
+        [179.99999994, 179.9999, 90, 180, 180],
+    ]
+    theta_i, theta_o, phi = np.radians(degrees)
+    found = {
+        t: module.points(setup, theta_i, theta_o, phi, 0.0 * phi, orders=0, tolerance=t)
+        for t in (1e-3, 1e-4, 1e-5, 1e-6)
+    }
+    monkeypatch.setattr(module, "RULES", ((0.0, long),))
+    exact = module.points(setup, theta_i, theta_o, phi, 0.0 * phi, orders=0, tolerance=1e-9)
+    for tolerance, values in found.items():
+        np.testing.assert_allclose(values, exact, rtol=tolerance)
 
 
 @pytest.mark.parametrize("model", GROOVES)

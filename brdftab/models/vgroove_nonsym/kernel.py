@@ -26,14 +26,19 @@ MIRROR = 1e-14
 DEPTH = 45.0
 SERIES_REACH = 1e-5
 # tolerance from which on: explicit orders, tail nodes, nodes a panel, fine cuts; dim facets take the nodes, mirrors the
-# orders: (16, 3, 5) left 1e-3 of both; beside the mirror direction 32 orders leave 6e-6 alpha^2, 64 leave 5e-7 alpha^2
+# orders: (16, 3, 5) left 1e-3 of both; beside the mirror direction 32 orders leave 6e-6 of GGX facets at alpha = 1, 64
+# 4e-7, 128 3e-8, 256 2e-9
 RULES = (
     (5e-4, (16, 3, 6, False)),
     (1e-4, (32, 6, 7, False)),
     (1e-5, (32, 6, 8, True)),
     (1e-6, (64, 6, 10, True)),
-    (0.0, (64, 10, 14, True)),
+    (1e-7, (128, 10, 12, True)),
+    (0.0, (256, 12, 14, True)),
 )
+# far orders weigh more on rough facets: so many times as many are summed one by one, and above a roughness the nodes
+# are those of a tenth of the tolerance
+MORE, ROUGH = 0.8, 2.0
 # from this order on two tilts stand for all, which costs up to 3e-4 where a metal absorbs (order 4: 2.4e-3)
 PAIRED, PAIRED_REACH = 7.0, 5e-4
 
@@ -115,9 +120,10 @@ def _points(theta_i, theta_o, phi, phi_i, ndf, alpha_x, alpha_y, fresnel, weight
 
 def rule(tolerance: float, alpha: float = 1.0) -> tuple[int, int, int, bool]:
     """Return explicit orders, tail nodes, nodes a panel, fine scale cuts, for a relative tolerance and a roughness."""
-    # the far orders, which the tail stands for, weigh as the square of the roughness
-    asked = tolerance / max(1.0, alpha * alpha)
-    return next(found for least, found in RULES if asked >= least)
+    orders, tail, *rest = next(found for least, found in RULES if tolerance >= least)
+    if alpha > ROUGH:
+        _, tail, *rest = next(found for least, found in RULES if 0.1 * tolerance >= least)
+    return math.ceil(orders * max(1.0, alpha) ** MORE), tail, *rest
 
 
 def arrays(setup: Setup, tolerance: float) -> tuple[Any, ...]:

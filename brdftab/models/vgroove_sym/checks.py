@@ -3,6 +3,7 @@
 # both sides of each change of rule
 SWITCHES = (
     ("orders at 5e-4", {"ndf": "ggx", "alpha": 1.0, "material": "mirror"}, "tolerance", 5e-4),
+    ("nodes at 5e-5", {"ndf": "ggx", "alpha": 1.0, "material": "mirror"}, "tolerance", 5e-5),
     ("orders at 2e-5", {"ndf": "ggx", "alpha": 1.0, "material": "mirror"}, "tolerance", 2e-5),
     ("orders at 2e-6", {"ndf": "ggx", "alpha": 1.0, "material": "mirror"}, "tolerance", 2e-6),
 )

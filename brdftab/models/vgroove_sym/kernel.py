@@ -21,7 +21,16 @@ from brdftab.models.vgroove_sym.table import prepare as prepare
 HORIZON = 1e-15
 NO_CAP = 2_000_000_000
 # tolerance from which on: orders summed one by one, nodes of the tail
-RULES = ((5e-4, (24, 4)), (2e-5, (96, 6)), (2e-6, (256, 12)), (0.0, (512, 12)))
+RULES = (
+    (5e-4, (24, 4)),
+    (5e-5, (96, 6)),
+    (2e-5, (96, 12)),
+    (2e-6, (256, 24)),
+    (2e-7, (512, 48)),
+    (0.0, (512, 96)),
+)
+# far orders weigh more on rough facets: powers of alpha by which both grow
+MORE, CLOSER = 0.8, 0.5
 # below this sine of theta_h two or more bounces are not evaluated: `singular` refuses the direction first
 MIRROR = 1e-14
 
@@ -99,11 +108,11 @@ def _points(
 def rule(tolerance: float, alpha: float = 1.0) -> tuple[int, int]:
     """Return how many orders are summed one by one, and the nodes of the tail, for a tolerance and a roughness.
 
-    Beside the mirror direction at 89.999 degrees 24 orders leave 1e-4 alpha, 96 3e-5 alpha, 256 3e-6 alpha, 512 8e-7
-    alpha.
+    Beside the mirror direction these leave, at alpha = 1: 1e-4, 3e-5, 1.1e-5, 8e-7, 1.1e-7 and 1e-8.
     """
-    asked = tolerance / max(1.0, alpha)
-    return next(found for least, found in RULES if asked >= least)
+    orders, nodes = next(found for least, found in RULES if tolerance >= least)
+    rough = max(1.0, alpha)
+    return math.ceil(orders * rough**MORE), math.ceil(nodes * rough**CLOSER)
 
 
 def arrays(setup: Setup, tolerance: float) -> tuple[Any, ...]:

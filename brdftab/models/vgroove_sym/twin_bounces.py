@@ -26,7 +26,14 @@ DEPTH = 45.0
 PHONG_DEPTH = 80.0
 NO_CAP = 2_000_000_000
 # the kernel's up to alpha = 1, a test holds them equal
-RULES = ((5e-4, (24, 4)), (2e-5, (96, 6)), (2e-6, (256, 12)), (0.0, (512, 12)))
+RULES = (
+    (5e-4, (24, 4)),
+    (5e-5, (96, 6)),
+    (2e-5, (96, 12)),
+    (2e-6, (256, 24)),
+    (2e-7, (512, 48)),
+    (0.0, (512, 96)),
+)
 
 
 def rule(tolerance: float) -> tuple[int, int]:
