@@ -14,9 +14,11 @@ from brdftab.models import twins
 from brdftab.models.microfacet import groove2d as compiled_groove
 from brdftab.models.microfacet.fresnel import reflectance as compiled_reflectance
 from brdftab.models.microfacet.project import unit_gauss
+from brdftab.models.microfacet.rough import CLASSES
 from brdftab.models.microfacet.tail import tail_node as compiled_node
 from brdftab.models.microfacet.tail import tail_power as compiled_power
 from brdftab.models.microfacet.twin import chains, groove2d, tail, tiles
+from brdftab.models.microfacet.twin.static import Static
 from brdftab.models.setup import resolve
 from brdftab.models.vgroove_nonsym import first_order as compiled_first
 from brdftab.models.vgroove_nonsym import kernel as nonsym_kernel
@@ -139,9 +141,10 @@ def test_long_chains_by_gauss_keep_the_tolerance():
 
 
 def test_rules_are_the_kernels():
-    for tolerance in (1e-2, 1e-3, 5e-4, 1e-4, 2e-5, 1e-6, 1e-7, 1e-9):
-        assert sym_bounces.rule(tolerance) == sym_kernel.rule(tolerance)
-        assert nonsym_bounces.rule(tolerance) == nonsym_kernel.rule(tolerance)
+    for tolerance in (1e-2, 1e-3, 5e-4, 1e-4, 5e-5, 2e-5, 1e-5, 1e-6, 1e-7, 1e-9):
+        for rough in CLASSES:
+            for mine, theirs in ((sym_bounces, sym_kernel), (nonsym_bounces, nonsym_kernel)):
+                assert mine.rule(Static("", tolerance=tolerance, rough=rough)) == theirs.rule(tolerance, rough)
 
 
 # ---------------------------------------------------------------- pieces

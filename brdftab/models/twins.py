@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from brdftab import models
 from brdftab.errors import ParameterError
+from brdftab.models.microfacet.rough import rough_class
 from brdftab.models.microfacet.twin.frame import Directions, directions
 from brdftab.models.microfacet.twin.static import Static
 from brdftab.models.setup import Setup
@@ -65,6 +66,7 @@ def split(setup: Setup, tolerance: float = 1e-9, precision: str = "float64") -> 
         max_bounces=setup.max_bounces,
         tolerance=tolerance,
         precision=precision,
+        rough=rough_class(setup) if getattr(models.twin(setup.model.name), "ROUGH_RULES", False) else 1.0,
     )
     return static, params
 

@@ -14,6 +14,7 @@ from brdftab.models.microfacet.fresnel import multiply
 from brdftab.models.microfacet.logfresnel import fit
 from brdftab.models.microfacet.ndf import density, shape_at
 from brdftab.models.microfacet.project import arguments, project, unit_gauss
+from brdftab.models.microfacet.rough import rough_class
 from brdftab.models.setup import Setup, component_names
 from brdftab.models.vgroove_nonsym.bounces import NODES, add_bounces
 from brdftab.models.vgroove_nonsym.first_order import mean_masking
@@ -36,8 +37,8 @@ RULES = (
     (1e-7, (128, 10, 12, True)),
     (0.0, (256, 12, 14, True)),
 )
-# far orders weigh more on rough facets: so many times as many are summed one by one, and above a roughness the nodes
-# are those of a tenth of the tolerance
+# far orders weigh more on rough facets: the power of alpha by which they grow, and the class from which on nodes are
+# those of a tenth of the tolerance
 MORE, ROUGH = 0.8, 2.0
 # from this order on two tilts stand for all, which costs up to 3e-4 where a metal absorbs (order 4: 2.4e-3)
 PAIRED, PAIRED_REACH = 7.0, 5e-4
@@ -118,18 +119,18 @@ def _points(theta_i, theta_o, phi, phi_i, ndf, alpha_x, alpha_y, fresnel, weight
         project(by_order, weights, out[n])
 
 
-def rule(tolerance: float, alpha: float = 1.0) -> tuple[int, int, int, bool]:
-    """Return explicit orders, tail nodes, nodes a panel, fine scale cuts, for a relative tolerance and a roughness."""
+def rule(tolerance: float, rough: float = 1.0) -> tuple[int, int, int, bool]:
+    """Return explicit orders, tail nodes, nodes a panel, fine scale cuts, for a tolerance and a class of roughness."""
     orders, tail, *rest = next(found for least, found in RULES if tolerance >= least)
-    if alpha > ROUGH:
+    if rough >= ROUGH:
         _, tail, *rest = next(found for least, found in RULES if 0.1 * tolerance >= least)
-    return math.ceil(orders * max(1.0, alpha) ** MORE), tail, *rest
+    return math.ceil(orders * rough**MORE), tail, *rest
 
 
 def arrays(setup: Setup, tolerance: float) -> tuple[Any, ...]:
     """Return the kernel arguments that follow from the setup and the tolerance alone."""
     assert setup.fresnel is not None
-    k_explicit, tail, nodes, fine = rule(tolerance, max(setup.alpha_x, setup.alpha_y))
+    k_explicit, tail, nodes, fine = rule(tolerance, rough_class(setup))
     k_cap = NO_CAP if setup.max_bounces is None else setup.max_bounces
     sums = (
         k_explicit,

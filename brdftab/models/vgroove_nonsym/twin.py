@@ -15,6 +15,8 @@ from brdftab.models.vgroove_nonsym.twin_bounces import bounces, rankings
 from brdftab.models.vgroove_nonsym.twin_first import mean_masking
 
 SHAPE_PARAMS = ("alpha_x", "alpha_y")
+# rules grow with the class of roughness
+ROUGH_RULES = True
 
 
 def shapes(static: Static, p: dict[str, Array], d: Directions) -> tuple[Array, ...]:

@@ -27,7 +27,7 @@ DEPTH = 45.0
 NO_CAP = 2_000_000_000
 TILE = 64
 Tile = dict[str, Array]
-# the kernel's up to alpha = 1, a test holds them equal
+# the kernel's, a test holds them equal
 RULES = (
     (5e-4, (16, 3, 6, False)),
     (1e-4, (32, 6, 7, False)),
@@ -36,11 +36,15 @@ RULES = (
     (1e-7, (128, 10, 12, True)),
     (0.0, (256, 12, 14, True)),
 )
+MORE, ROUGH = 0.8, 2.0
 
 
-def rule(tolerance: float) -> tuple[int, int, int, bool]:
+def rule(static: Static) -> tuple[int, int, int, bool]:
     """Return explicit orders, tail nodes, nodes a panel, fine scale cuts: as the kernel's `rule`."""
-    return next(found for least, found in RULES if tolerance >= least)
+    orders, tail, *rest = next(found for least, found in RULES if static.tolerance >= least)
+    if static.rough >= ROUGH:
+        _, tail, *rest = next(found for least, found in RULES if 0.1 * static.tolerance >= least)
+    return math.ceil(orders * static.rough**MORE), tail, *rest
 
 
 def _unit_gauss(count: int) -> tuple[Array, Array]:
@@ -113,7 +117,7 @@ def bounces(
 
 def _orders(static: Static, a: Any, b: Any, odd: bool, tile: Tile) -> Array:
     """Return all orders of one parity and side for a tile of points, (T,): one by one, then the tail in 1/k."""
-    k_explicit, nodes, _, _ = rule(static.tolerance)
+    k_explicit, nodes, _, _ = rule(static)
     cap = NO_CAP if static.max_bounces is None else static.max_bounces
     first = 3 if odd else 2
     singles = max((min(k_explicit, cap) - first) // 2 + 1, 0)
@@ -156,7 +160,7 @@ def _order(
     """Return one order on one side for F = 1 and with reflectance, (T,); k is real where not `exact` (a scalar)."""
     ndf, shape, t, u = static.ndf, tile["shape"], tile["t"], tile["u"]
     k = jnp.where(live, k, 3.0 if odd else 2.0)
-    _, _, nodes, fine = rule(static.tolerance)
+    _, _, nodes, fine = rule(static)
     places, weights = (x[:, None] for x in _unit_gauss(nodes))
     edges, count = panel_edges(t, u, k, odd, ndf, lax.stop_gradient(shape), fine, tile["depth"])
     count = jnp.where(live, count, 0)

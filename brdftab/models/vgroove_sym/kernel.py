@@ -14,6 +14,7 @@ from brdftab.models.microfacet.fresnel import multiply
 from brdftab.models.microfacet.masking import v_cavity
 from brdftab.models.microfacet.ndf import density, shape_at
 from brdftab.models.microfacet.project import arguments, project, unit_gauss
+from brdftab.models.microfacet.rough import rough_class
 from brdftab.models.setup import Setup, component_names
 from brdftab.models.vgroove_sym.bounces import add_bounces, step_tables
 from brdftab.models.vgroove_sym.table import prepare as prepare
@@ -105,20 +106,19 @@ def _points(
         project(acc, weights, out[n])
 
 
-def rule(tolerance: float, alpha: float = 1.0) -> tuple[int, int]:
-    """Return how many orders are summed one by one, and the nodes of the tail, for a tolerance and a roughness.
+def rule(tolerance: float, rough: float = 1.0) -> tuple[int, int]:
+    """Return how many orders are summed one by one and the nodes of the tail, for a tolerance and a class of roughness.
 
     Beside the mirror direction these leave, at alpha = 1: 1e-4, 3e-5, 1.1e-5, 8e-7, 1.1e-7 and 1e-8.
     """
     orders, nodes = next(found for least, found in RULES if tolerance >= least)
-    rough = max(1.0, alpha)
     return math.ceil(orders * rough**MORE), math.ceil(nodes * rough**CLOSER)
 
 
 def arrays(setup: Setup, tolerance: float) -> tuple[Any, ...]:
     """Return the kernel arguments that follow from the setup and the tolerance alone."""
     assert setup.fresnel is not None
-    k_explicit, nodes = rule(tolerance, max(setup.alpha_x, setup.alpha_y))
+    k_explicit, nodes = rule(tolerance, rough_class(setup))
     k_cap = NO_CAP if setup.max_bounces is None else setup.max_bounces
     return (
         setup.ndf,

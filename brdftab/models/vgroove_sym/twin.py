@@ -15,6 +15,8 @@ from brdftab.models.microfacet.twin.static import Static
 from brdftab.models.vgroove_sym.twin_bounces import bounces, rankings
 
 SHAPE_PARAMS = ("alpha_x", "alpha_y")
+# rules grow with the class of roughness
+ROUGH_RULES = True
 
 
 def shapes(static: Static, p: dict[str, Array], d: Directions) -> tuple[Array, ...]:

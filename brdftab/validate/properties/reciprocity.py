@@ -37,6 +37,12 @@ def between(setup: Setup, theta_i: Array, theta_o: Array) -> Array:
     return (n[1] / n[0]) ** 2
 
 
+def rounding(setup: Setup) -> float:
+    """Return what the rounding of a slope costs where it is divided by the smaller roughness, relative."""
+    alpha = min(setup.alpha_x, setup.alpha_y)
+    return float(np.finfo(float).eps) / alpha if alpha > 0.0 else 0.0
+
+
 def findings(subject: Subject) -> Iterator[Finding]:
     """Compare every pair of directions with its swapped one."""
     for probe in subject.probes:
@@ -47,7 +53,7 @@ def findings(subject: Subject) -> Iterator[Finding]:
         apart = np.abs(there[0] - back[0])
         scale = np.maximum(np.maximum(np.abs(there[0]), np.abs(back[0])).max(axis=-1, keepdims=True), DARK)
         if not probe.stochastic:
-            bound = subject.said("RECIPROCITY", ROUNDING)
+            bound = max(subject.said("RECIPROCITY", ROUNDING), rounding(probe.setup))
             yield from probe.findings("reciprocity", (apart / scale).max(axis=-1), bound)
             continue
         # few walks leave along the surface, and their own standard error is not to be trusted

@@ -29,6 +29,8 @@ class Static:
         Relative error asked of the model's rules; it chooses their nodes.
     precision : {"float64", "float32"}
         Of the inner loops of models that offer one.
+    rough : float
+        Upper end of the class of roughness, of models whose rules grow with it, else 1. A fit keeps that of its start.
     """
 
     model: str
@@ -39,6 +41,7 @@ class Static:
     max_bounces: int | None = None
     tolerance: float = 1e-9
     precision: str = "float64"
+    rough: float = 1.0
 
     def option(self, name: str) -> Any:
         """Return one choice parameter; KeyError if the model has none of that name."""
