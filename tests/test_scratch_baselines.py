@@ -53,6 +53,19 @@ def test_vee_is_two_walls():
     assert np.allclose(smith_visible(m, length, p), np.cos(p) / (facing * 0.5 / math.sin(half)), rtol=1e-12)
 
 
+@pytest.mark.parametrize("text", ["v:30", "v:40", "v:60", "v:80"])
+def test_cavities_mask_a_vee_as_rays_find_it(text):
+    """Torrance and Sparrow's factor is exact for two walls: light of the first bounce by incident bin, and in all.
+
+    Measured 2.4e-3 of the largest bin, and 3.6e-5; exit bins differ where an edge lies on a mirrored bin.
+    """
+    traced = brdftab.trace_scratch(text, bins=BINS).flux[0]
+    share = aperture(BINS)
+    found = single_bounce_rho(parse(text), BINS, "v-cavity") * share[:, None] * share
+    assert np.abs(found.sum(axis=0) - traced.sum(axis=0)).max() < 3e-3 * traced.sum(axis=0).max()
+    assert found.sum() == pytest.approx(traced.sum(), rel=6e-5)
+
+
 def test_unknown_masking_is_refused():
     with pytest.raises(ParameterError, match="masking = walter is not known; choose one of none, v-cavity, smith"):
         single_bounce_rho(parse("v:45"), 16, "walter")

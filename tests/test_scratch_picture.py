@@ -89,6 +89,21 @@ def test_cones_gather_the_room(tables):
         assert np.allclose(found[n], expected, rtol=2e-4)
 
 
+@pytest.mark.parametrize(
+    ("direction", "rgb"),
+    [
+        ((0.0, 1.0, 0.0), (0.13, 0.145, 0.175)),
+        ((1.0, 0.0, 0.0), (0.18, 0.1825, 0.19)),
+        ((0.0, -1.0, 0.0), (0.012, 0.012, 0.014)),
+    ],
+)
+def test_room_without_lights_is_grey(direction, rgb):
+    """Straight up, at the horizon with its glow, and the darker floor: what every picture in the docs is lit by."""
+    found = np.zeros(3)
+    add_radiance(*direction, np.ones(3), np.zeros((0, 6)), found)
+    np.testing.assert_allclose(found, rgb, rtol=1e-9)
+
+
 def test_base_gathers_the_room_as_its_brdf_does():
     # a Lambertian base under the room: its albedo times the mean radiance weighted by the cosine
     layered = layers.parse({"base": {"model": "lambert", "kd": 0.6}, "layer": [

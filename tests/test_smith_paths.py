@@ -86,6 +86,12 @@ def test_uniforms_depend_on_every_part_of_their_name() -> None:
     assert abs(many.mean() - 0.5) < 4e-3
 
 
+def test_uniforms_are_the_centres_of_their_words() -> None:
+    # counter: block, path, cell; key: seed
+    words = philox(*map(np.uint64, (2, 9, 7, 0, 5, 0)))
+    assert uniforms(5, 7, 9, 2) == tuple((int(word) + 0.5) / 2**32 for word in words)
+
+
 def test_turn_is_cosine_and_sine() -> None:
     u = np.concatenate([np.linspace(0, 1, 41), np.random.default_rng(1).random(200)])
     found = np.array([turn(x) for x in u])
