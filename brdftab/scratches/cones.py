@@ -36,31 +36,15 @@ def _ratio(table, t, k, j, out):
 
 @parallel_kernel
 def add_cones(
-    weight,
-    axis,
-    kinds,
-    normal,
-    tangent,
-    view,
-    light,
-    power,
-    psi,
-    table,
-    cumulative,
-    ratio,
-    rho,
-    lights,
-    count,
-    seed,
-    out,
-):
+    weight, axis, kinds, normal, tangent, view, light, power, psi, table, cumulative, ratio, rho, lights,
+    count, seed, out,
+):  # fmt: skip
     """Add what the scratches reflect to out (N, 3).
 
     weight (N, K); axis (K, 2) cosine and sine of each layer's angle; kinds (K,) index into the tables; normal, tangent,
     view, light (N, 3); power (N,) irradiance of the point light on a surface that faces it; psi and table as in
-    `balance`; cumulative (P, M, M + 1),
-    ratio (P, T, M, M, 3), rho (P, M, M). Cones are sampled by their own flux: binary search for the bin, evenly in
-    sin p inside it, `count` directions shared among a point's layers by weight.
+    `balance`; cumulative (P, M, M + 1), ratio (P, T, M, M, 3), rho (P, M, M). Cones are sampled by their own flux:
+    binary search for the bin, evenly in sin p inside it, `count` directions shared among a point's layers by weight.
     """
     bins = rho.shape[1]
     step = math.pi / bins
