@@ -101,14 +101,7 @@ def accepted(variant: Variant) -> bool:
     """Tell whether the choices go together, and have a twin: that of ilm follows single bounces."""
     if dict(variant.given).get("bounces", "1") != "1":
         return False
-    setup = attempt(variant, np.random.default_rng(0), {})
-    if setup is None:
-        return False
-    try:
-        getattr(models.twin(variant.model), "check", lambda static: None)(twins.split(setup)[0])
-    except ParameterError:
-        return False
-    return True
+    return attempt(variant, np.random.default_rng(0), {}) is not None
 
 
 # ---------------------------------------------------------------- numbers
@@ -141,12 +134,15 @@ def drawn(variant: Variant, rng: np.random.Generator, fixed: dict[str, int]) -> 
 
 
 def attempt(variant: Variant, rng: np.random.Generator, fixed: dict[str, int]) -> Setup | None:
-    """Return a setup, or None where 10 draws are all refused: a choice may leave only a part of a number's range."""
+    """Return a setup, or None where 10 draws are all refused, by the model or its twin: a choice may leave a part."""
+    check = getattr(models.twin(variant.model), "check", lambda static: None)
     for _ in range(10):
         try:
-            return drawn(variant, rng, fixed)
+            setup = drawn(variant, rng, fixed)
+            check(twins.split(setup)[0])
         except ParameterError:
             continue
+        return setup
     return None
 
 
