@@ -50,6 +50,12 @@ EQUIVALENT: dict[tuple[str, str, str, str], str] = {
         "8",
     ): "entries beyond the second are never looked at",
     (
+        "brdftab.models.microfacet.walk.normals",
+        "step = u + gap / slope if slope > 0.0 else high",
+        ">",
+        "<",
+    ): "every step halves the bracket instead: the same root to 1e-9, later",
+    (
         "brdftab.models.smith_multi.dielectric.table",
         "value = single_bounce(ndf, alpha, alpha, ti, to, phi[f], 0.0, n)",
         "0.0",
