@@ -120,6 +120,10 @@ class Subject:
         """Return an attribute of the model's own checks, or the default."""
         return getattr(self.own, name, default)
 
+    def is_dear(self, setup: Setup) -> bool:
+        """Tell whether albedos of a setup are dear, so that one light has to do."""
+        return (self.fast or self.said("DEAR", False)) and not (setup.isotropic or setup.model.grain)
+
     @property
     def tolerance(self) -> float:
         """Relative error at which the model is evaluated."""

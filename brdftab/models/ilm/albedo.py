@@ -40,7 +40,7 @@ def smooth_albedo(setup: Setup, theta: float, tolerance: float) -> Array | None:
     found = _single(setup, theta, tolerance)
     if setup.max_bounces != 1:
         light = np.array([theta])
-        found = found + (albedo_of_bodies(setup, light) + albedo_of_mirrors(setup, light))[0]
+        found = found + (albedo_of_bodies(setup, light, min(tolerance, 1e-4)) + albedo_of_mirrors(setup, light))[0]
     return found
 
 

@@ -63,14 +63,15 @@ def albedo_of_mirrors(setup: Setup, theta: Array) -> Array:
     groove = specular_setup(setup)
     if groove is None:
         return out
-    t, wt = unit_rule(48)
-    x, wx = unit_rule(20)
-    a, wa = math.pi * np.concatenate([x, 1.0 + x]), math.pi * np.tile(wx, 2)
-    tilt, a = (z.reshape(-1) for z in np.meshgrid(0.5 * math.pi * t * t, a, indexing="ij"))
-    weight = np.outer(math.pi * t * wt, wa).reshape(-1) * np.sin(tilt)
-    hx, hy, hz = np.sin(tilt) * np.cos(a), np.sin(tilt) * np.sin(a), np.cos(tilt)
     for k, angle in enumerate(theta):
-        si, ci = math.sin(angle), math.cos(angle)
+        tilt, a, weight = _half_vectors(max(setup.alpha_x, setup.alpha_y), float(angle))
+        si, ci, hx, hy, hz = (
+            math.sin(angle),
+            math.cos(angle),
+            np.sin(tilt) * np.cos(a),
+            np.sin(tilt) * np.sin(a),
+            np.cos(tilt),
+        )
         i_h = si * hx + ci * hz
         ox, oy, oz = 2.0 * i_h * hx - si, 2.0 * i_h * hy, 2.0 * i_h * hz - ci
         keep = (i_h > 0.0) & (oz > 0.0)
@@ -79,8 +80,40 @@ def albedo_of_mirrors(setup: Setup, theta: Array) -> Array:
         values = models.kernel("vgroove-sym").points(
             groove, light, view, phi, np.zeros_like(light), orders=1, tolerance=1e-3
         )[:, 1]
-        out[k] += ((4.0 * i_h * oz * weight)[keep, None] * values).sum(axis=0)
+        # both halves of the circle are the same
+        out[k] += 2.0 * ((4.0 * i_h * oz * weight)[keep, None] * values).sum(axis=0)
     return out
+
+
+def _half_vectors(alpha: float, theta: float) -> tuple[Array, Array, Array]:
+    """Return tilts, azimuths in [0, pi] from the light's, and solid angles of half vectors; views stand above ground.
+
+    Panels end where the first and the last azimuth of a tilt sets, and lie closer there and where facets are likely;
+    grazing light sees what turns within its own elevation.
+    """
+    first, last, low = 0.25 * math.pi - 0.5 * theta, 0.25 * math.pi + 0.5 * theta, 0.5 * math.pi - theta
+    steps = 2.0 ** np.arange(-3.0, 4.0)
+    ends = np.concatenate(
+        [
+            [0.0, first, last, 0.5 * theta],
+            np.arctan(alpha * steps),
+            low * steps,
+            first + first * steps,
+            last - low * steps,
+        ]
+    )
+    ends = np.unique(np.clip(ends, 0.0, last))
+    # 12 nodes leave 2.5e-4 at 89 degrees, 20 3e-5, and 1.2e-4 at 89.8
+    x, w = unit_rule(20)
+    width = np.diff(ends)
+    tilt, wt = (ends[:-1, None] + width[:, None] * x).reshape(-1), (width[:, None] * w).reshape(-1)
+    with np.errstate(divide="ignore"):
+        limit = math.cos(theta) * (0.5 / np.cos(tilt) - np.cos(tilt)) / (math.sin(theta) * np.sin(tilt))
+    top = np.arccos(np.clip(limit, -1.0, 1.0))
+    cuts = np.array([0.0, 0.4, 0.7, 0.9, 1.0])
+    u, wu = (cuts[:-1, None] + np.diff(cuts)[:, None] * x).reshape(-1), (np.diff(cuts)[:, None] * w).reshape(-1)
+    weight = np.outer(wt * np.sin(tilt) * top, wu)
+    return np.repeat(tilt, u.size), np.outer(top, u).reshape(-1), weight.reshape(-1)
 
 
 def energy_left_out(setup: Setup, theta: Array) -> Array | None:

@@ -2,12 +2,20 @@
 
 # the body is an integral, and a cavity a system of equations
 TOLERANCE = 1e-5
+# an albedo of an anisotropic body takes a minute
+DEAR = True
 THIN = {"fast": 14, "full": 3}
 DIRECTIONS = {"fast": 6, "full": 2}
 SCANS = {"fast": 1, "full": 3}
 VARIANTS = {"fast": 1, "full": 3}
 BOX = {"fast": 3, "full": 12}
 TWIN_DIRECTIONS = 40
+# interreflections, which thinning would leave out
+SETTINGS = ({"bounces": "2", "kd": 0.9}, {"bounces": "inf", "kd": 0.9, "ndf": "ggx", "sigma": 0.7})
+FURNACE = (
+    {"bounces": "inf", "kd": 1.0, "sigma": 0.3},
+    {"bounces": "inf", "kd": 1.0, "ndf": "ggx", "sigma": 0.7, "ior": 2.0},
+)
 _BODY = {"kd": 0.5, "ior": 1.5, "sigma": 0.3}
 # series of the diffuse reflectance to its closed form, the plain rules to the split one, and the counts of nodes
 SWITCHES = (

@@ -29,14 +29,14 @@ def brightest(setup: Setup) -> Setup:
     return resolve(setup.model.name, **{**setup.parameters, "kd": bounds[1]})
 
 
-def albedos(setup: Setup, tolerance: float, fast: bool = False) -> list[tuple[float, float, np.ndarray]]:
+def albedos(setup: Setup, tolerance: float, few: bool = False) -> list[tuple[float, float, np.ndarray]]:
     """Return (theta_i, phi_i, albedo (C,)) for the fixed lights, radians; with a grain also along it.
 
-    In a fast run anisotropic surfaces, whose azimuths are dear, get one light alone.
+    With `few` there is one light alone.
     """
     engine = Engine(setup, max(tolerance, TOLERANCE))
     azimuths = (AZIMUTH, 0.0) if setup.model.grain else (AZIMUTH,)
-    lights = LIGHTS[2:3] if fast and not (setup.isotropic or setup.model.grain) else LIGHTS
+    lights = LIGHTS[2:3] if few else LIGHTS
     return [(float(t), a, directional(engine, float(t), a)[0]) for t in np.radians(lights) for a in azimuths]
 
 
@@ -46,7 +46,7 @@ def findings(subject: Subject) -> Iterator[Finding]:
         if probe.projected:
             continue
         setup = brightest(probe.setup)
-        for theta, azimuth, albedo in albedos(setup, probe.tolerance, subject.fast):
+        for theta, azimuth, albedo in albedos(setup, probe.tolerance, subject.is_dear(setup)):
             over = float(albedo.max()) - 1.0
             where = (theta, theta, np.pi, azimuth)
             bound = QUADRATURE
