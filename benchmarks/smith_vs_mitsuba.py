@@ -38,6 +38,7 @@ def axes() -> tuple[np.ndarray, np.ndarray]:
 
 
 def our_kernel() -> tuple[Callable[[], None], np.ndarray]:
+    """Return a call that fills our table, and the table."""
     from brdftab import models
     from brdftab.models.setup import resolve
 
@@ -49,6 +50,7 @@ def our_kernel() -> tuple[Callable[[], None], np.ndarray]:
 
 
 def mitsuba_kernel(threads: int) -> tuple[Callable[[], Any], np.ndarray]:
+    """Return a call that evaluates all pairs in Mitsuba's LLVM variant, and its values as our table holds them."""
     import drjit as dr
     import mitsuba as mi
 
@@ -77,6 +79,7 @@ def mitsuba_kernel(threads: int) -> tuple[Callable[[], Any], np.ndarray]:
 
 
 def measure(repeats: int, threads: int) -> dict[str, Any]:
+    """Time both in turn, and a plain filling of the same memory; return times and the largest difference."""
     import mitsuba as mi
     import numba
 
@@ -130,6 +133,7 @@ def show(found: dict[str, Any]) -> None:
 
 
 def main() -> int:
+    """Measure and print; with --check the exit status tells whether both goals are met."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--repeats", type=int, default=200)

@@ -14,19 +14,13 @@ from brdftab.models import twins
 from brdftab.models.microfacet import groove2d as compiled_groove
 from brdftab.models.microfacet.fresnel import reflectance as compiled_reflectance
 from brdftab.models.microfacet.project import unit_gauss
-from brdftab.models.microfacet.rough import CLASSES
 from brdftab.models.microfacet.tail import tail_node as compiled_node
 from brdftab.models.microfacet.tail import tail_power as compiled_power
 from brdftab.models.microfacet.twin import chains, groove2d, tail, tiles
-from brdftab.models.microfacet.twin.static import Static
 from brdftab.models.setup import resolve
 from brdftab.models.vgroove_nonsym import first_order as compiled_first
-from brdftab.models.vgroove_nonsym import kernel as nonsym_kernel
 from brdftab.models.vgroove_nonsym import panels as compiled_panels
-from brdftab.models.vgroove_nonsym import twin_bounces as nonsym_bounces
 from brdftab.models.vgroove_nonsym import twin_first, twin_panels
-from brdftab.models.vgroove_sym import kernel as sym_kernel
-from brdftab.models.vgroove_sym import twin_bounces as sym_bounces
 
 BOTH = ("vgroove-sym", "vgroove-nonsym")
 TIGHT = 1e-9
@@ -138,13 +132,6 @@ def test_long_chains_by_gauss_keep_the_tolerance():
     assert chains.chain_nodes(1e-6) == 16
     angles = directions(6, 40)
     assert np.allclose(twins.evaluate(setup, *angles, 1e-6), compiled(setup, angles, 1e-6), rtol=1e-6, atol=1e-250)
-
-
-def test_rules_are_the_kernels():
-    for tolerance in (1e-2, 1e-3, 5e-4, 1e-4, 5e-5, 2e-5, 1e-5, 1e-6, 1e-7, 1e-9):
-        for rough in CLASSES:
-            for mine, theirs in ((sym_bounces, sym_kernel), (nonsym_bounces, nonsym_kernel)):
-                assert mine.rule(Static("", tolerance=tolerance, rough=rough)) == theirs.rule(tolerance, rough)
 
 
 # ---------------------------------------------------------------- pieces

@@ -19,6 +19,7 @@ from brdftab.models.setup import Setup, component_names
 from brdftab.models.vgroove_nonsym.bounces import NODES, add_bounces
 from brdftab.models.vgroove_nonsym.first_order import mean_masking
 from brdftab.models.vgroove_nonsym.panels import CUTS
+from brdftab.models.vgroove_nonsym.rules import rule
 
 HORIZON = 1e-15
 NO_CAP = 2_000_000_000
@@ -26,20 +27,6 @@ MIRROR = 1e-14
 # orders whose peak lies this many e-folds below the first order's cannot change a float64 sum
 DEPTH = 45.0
 SERIES_REACH = 1e-5
-# tolerance from which on: explicit orders, tail nodes, nodes a panel, fine cuts; dim facets take the nodes, mirrors the
-# orders: (16, 3, 5) left 1e-3 of both; beside the mirror direction 32 orders leave 6e-6 of GGX facets at alpha = 1, 64
-# 4e-7, 128 3e-8, 256 2e-9
-RULES = (
-    (5e-4, (16, 3, 6, False)),
-    (1e-4, (32, 6, 7, False)),
-    (1e-5, (32, 6, 8, True)),
-    (1e-6, (64, 6, 10, True)),
-    (1e-7, (128, 10, 12, True)),
-    (0.0, (256, 12, 14, True)),
-)
-# far orders weigh more on rough facets: the power of alpha by which they grow, and the class from which on nodes are
-# those of a tenth of the tolerance
-MORE, ROUGH = 0.8, 2.0
 # from this order on two tilts stand for all, which costs up to 3e-4 where a metal absorbs (order 4: 2.4e-3)
 PAIRED, PAIRED_REACH = 7.0, 5e-4
 
@@ -117,14 +104,6 @@ def _points(theta_i, theta_o, phi, phi_i, ndf, alpha_x, alpha_y, fresnel, weight
             theta_i[n], theta_o[n], phi[n], phi_i[n], ndf, alpha_x, alpha_y, fresnel, series, sums, work, acc
         )
         project(by_order, weights, out[n])
-
-
-def rule(tolerance: float, rough: float = 1.0) -> tuple[int, int, int, bool]:
-    """Return explicit orders, tail nodes, nodes a panel, fine scale cuts, for a tolerance and a class of roughness."""
-    orders, tail, *rest = next(found for least, found in RULES if tolerance >= least)
-    if rough >= ROUGH:
-        _, tail, *rest = next(found for least, found in RULES if 0.1 * tolerance >= least)
-    return math.ceil(orders * rough**MORE), tail, *rest
 
 
 def arrays(setup: Setup, tolerance: float) -> tuple[Any, ...]:

@@ -19,6 +19,7 @@ from brdftab.models.microfacet.twin.ndf import BECKMANN, PHONG, density, opposit
 from brdftab.models.microfacet.twin.static import Static
 from brdftab.models.microfacet.twin.tail import tail_node, tail_power
 from brdftab.models.microfacet.twin.tiles import by_tiles, ranking
+from brdftab.models.vgroove_nonsym.rules import rule
 from brdftab.models.vgroove_nonsym.twin_panels import left_tilt, panel_edges
 
 PI = math.pi
@@ -27,24 +28,6 @@ DEPTH = 45.0
 NO_CAP = 2_000_000_000
 TILE = 64
 Tile = dict[str, Array]
-# the kernel's, a test holds them equal
-RULES = (
-    (5e-4, (16, 3, 6, False)),
-    (1e-4, (32, 6, 7, False)),
-    (1e-5, (32, 6, 8, True)),
-    (1e-6, (64, 6, 10, True)),
-    (1e-7, (128, 10, 12, True)),
-    (0.0, (256, 12, 14, True)),
-)
-MORE, ROUGH = 0.8, 2.0
-
-
-def rule(static: Static) -> tuple[int, int, int, bool]:
-    """Return explicit orders, tail nodes, nodes a panel, fine scale cuts: as the kernel's `rule`."""
-    orders, tail, *rest = next(found for least, found in RULES if static.tolerance >= least)
-    if static.rough >= ROUGH:
-        _, tail, *rest = next(found for least, found in RULES if 0.1 * static.tolerance >= least)
-    return math.ceil(orders * static.rough**MORE), tail, *rest
 
 
 def _unit_gauss(count: int) -> tuple[Array, Array]:
@@ -117,7 +100,7 @@ def bounces(
 
 def _orders(static: Static, a: Any, b: Any, odd: bool, tile: Tile) -> Array:
     """Return all orders of one parity and side for a tile of points, (T,): one by one, then the tail in 1/k."""
-    k_explicit, nodes, _, _ = rule(static)
+    k_explicit, nodes, _, _ = rule(static.tolerance, static.rough)
     cap = NO_CAP if static.max_bounces is None else static.max_bounces
     first = 3 if odd else 2
     singles = max((min(k_explicit, cap) - first) // 2 + 1, 0)
@@ -160,7 +143,7 @@ def _order(
     """Return one order on one side for F = 1 and with reflectance, (T,); k is real where not `exact` (a scalar)."""
     ndf, shape, t, u = static.ndf, tile["shape"], tile["t"], tile["u"]
     k = jnp.where(live, k, 3.0 if odd else 2.0)
-    _, _, nodes, fine = rule(static)
+    _, _, nodes, fine = rule(static.tolerance, static.rough)
     places, weights = (x[:, None] for x in _unit_gauss(nodes))
     edges, count = panel_edges(t, u, k, odd, ndf, lax.stop_gradient(shape), fine, tile["depth"])
     count = jnp.where(live, count, 0)

@@ -17,21 +17,11 @@ from brdftab.models.microfacet.project import arguments, project, unit_gauss
 from brdftab.models.microfacet.rough import rough_class
 from brdftab.models.setup import Setup, component_names
 from brdftab.models.vgroove_sym.bounces import add_bounces, step_tables
+from brdftab.models.vgroove_sym.rules import rule
 from brdftab.models.vgroove_sym.table import prepare as prepare
 
 HORIZON = 1e-15
 NO_CAP = 2_000_000_000
-# tolerance from which on: orders summed one by one, nodes of the tail
-RULES = (
-    (5e-4, (24, 4)),
-    (5e-5, (96, 6)),
-    (2e-5, (96, 12)),
-    (2e-6, (256, 24)),
-    (2e-7, (512, 48)),
-    (0.0, (512, 96)),
-)
-# far orders weigh more on rough facets: powers of alpha by which both grow
-MORE, CLOSER = 0.8, 0.5
 # below this sine of theta_h two or more bounces are not evaluated: `singular` refuses the direction first
 MIRROR = 1e-14
 
@@ -104,15 +94,6 @@ def _points(
             acc,
         )
         project(acc, weights, out[n])
-
-
-def rule(tolerance: float, rough: float = 1.0) -> tuple[int, int]:
-    """Return how many orders are summed one by one and the nodes of the tail, for a tolerance and a class of roughness.
-
-    Beside the mirror direction these leave, at alpha = 1: 1e-4, 3e-5, 1.1e-5, 8e-7, 1.1e-7 and 1e-8.
-    """
-    orders, nodes = next(found for least, found in RULES if tolerance >= least)
-    return math.ceil(orders * rough**MORE), math.ceil(nodes * rough**CLOSER)
 
 
 def arrays(setup: Setup, tolerance: float) -> tuple[Any, ...]:

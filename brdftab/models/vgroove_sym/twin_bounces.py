@@ -19,28 +19,13 @@ from brdftab.models.microfacet.twin.ndf import BECKMANN, GGX, density
 from brdftab.models.microfacet.twin.static import Static
 from brdftab.models.microfacet.twin.tail import tail_node, tail_power
 from brdftab.models.microfacet.twin.tiles import by_tiles, ranking
+from brdftab.models.vgroove_sym.rules import rule
 
 PI = math.pi
 DEPTH = 45.0
 # Phong's faint terms: deep enough for the factor 1/sin(theta_h) next to the mirror direction
 PHONG_DEPTH = 80.0
 NO_CAP = 2_000_000_000
-# the kernel's, a test holds them equal
-RULES = (
-    (5e-4, (24, 4)),
-    (5e-5, (96, 6)),
-    (2e-5, (96, 12)),
-    (2e-6, (256, 24)),
-    (2e-7, (512, 48)),
-    (0.0, (512, 96)),
-)
-MORE, CLOSER = 0.8, 0.5
-
-
-def rule(static: Static) -> tuple[int, int]:
-    """Return how many orders are summed one by one, and the nodes of the tail: as the kernel's `rule`."""
-    orders, nodes = next(found for least, found in RULES if static.tolerance >= least)
-    return math.ceil(orders * static.rough**MORE), math.ceil(nodes * static.rough**CLOSER)
 
 
 def families(plane: tuple[Array, ...]) -> dict[str, Array]:
@@ -124,7 +109,7 @@ def bounces(
 
 def _sum(static: Static, a: Any, b: Any, parity: Array, tile: dict[str, Array]) -> Array:
     """Return all orders of one family for a tile of points, (T,)."""
-    k_explicit, _ = rule(static)
+    k_explicit, _ = rule(static.tolerance, static.rough)
     cap = NO_CAP if static.max_bounces is None else static.max_bounces
     last = min(k_explicit, cap)
     nodes = chain_nodes(static.tolerance)
@@ -161,7 +146,7 @@ def _tail(static: Static, a: Any, b: Any, k: Array, cap: int, tile: dict[str, Ar
     low, high = 1.0 / jnp.where(live, stop, k), jnp.broadcast_to(1.0 / (k - 1.0), stop.shape)
     cut = [jnp.clip(tile[name] / tile["reach"], low, high) for name in ("kink", "kink_high")]
     x0, x1 = jnp.stack([low, *cut]), jnp.stack([*cut, high])
-    nodes, weights = np.polynomial.legendre.leggauss(rule(static)[1])
+    nodes, weights = np.polynomial.legendre.leggauss(rule(static.tolerance, static.rough)[1])
     panel, place = (x.ravel() for x in np.meshgrid(np.arange(3), 0.5 + 0.5 * nodes, indexing="ij"))
     power = tail_power(static.ndf, tile["shape"])
 
