@@ -63,12 +63,13 @@ def _map(model: str | None, path: str, overwrite: bool, as_json: bool) -> None:
     """Draw the map of one model's condition."""
     from brdftab.errors import ParameterError
     from brdftab.io.atomic import check_target
-    from brdftab.validate.maps import condition_map, draw
+    from brdftab.validate.maps import NOISE, condition_map, draw
 
     if model is None:
         raise ParameterError(f"map = {path} shows one model; give --model NAME")
     check_target(path, overwrite=overwrite)
-    found = condition_map(model)
+    with progress_bar("fitting") as report:
+        found = condition_map(model, progress=report)
     draw(found, path, overwrite=overwrite)
     if as_json:
         facts = {
@@ -76,11 +77,13 @@ def _map(model: str | None, path: str, overwrite: bool, as_json: bool) -> None:
             "roughness": found.roughness.tolist(),
             found.second: found.other.tolist(),
             "condition": found.scaled.tolist(),
+            "expected": found.expected.tolist(),
             "recovery": found.recovery.tolist(),
             "figure": path,
         }
         click.echo(json.dumps(facts, indent=2, allow_nan=False))
         return
     click.echo(f"condition    {found.scaled.min():.3g} to {found.scaled.max():.3g} (log residual, scaled)")
-    click.echo(f"recovery     {found.recovery.min():.2g} to {found.recovery.max():.2g} relative at 1 % noise")
+    for name, errors in (("expected", found.expected), ("recovery", found.recovery)):
+        click.echo(f"{name:<13}{errors.min():.2g} to {errors.max():.2g} relative at {100.0 * NOISE:g} % noise")
     click.echo(f"wrote        {path}")
