@@ -24,6 +24,7 @@ from brdftab.scene.lookup import interpolate
 from brdftab.scene.plan import Item, Plan, Planned, added_up
 from brdftab.scene.planner import probes, resolved, with_margin
 from brdftab.scene.resolution import largest_error
+from brdftab.scene.zones import engine as engine_of
 from brdftab.stochastic import LAYER
 from brdftab.table import Table
 from brdftab.tabulation import tabulate
@@ -56,7 +57,7 @@ def filled(plan: Plan, engine: Engine | None, progress: Progress | None = None) 
     setup = plan.setup()
     # cells that hold averages do so whatever is left out
     whole = resolve(plan.model, **plan.given)
-    run = Run(setup, plan.grid, plan.dtype, plan.rules, 0, True, engine, whole)
+    run = Run(setup, plan.grid, plan.dtype, plan.rules, 0, True, engine or engine_of(setup, plan), whole)
     run.compute(_mirror_nodes(plan), progress)
     values = added_up(run.total, plan.luminance)
     channels = ("Y",) if plan.luminance else setup.channels
@@ -253,7 +254,7 @@ def plain(planned: Planned) -> Planned:
         }
     items = with_margin(tuple(item for item in plan.items if not _doubtful(item)), plan.tolerance)
     grid = plan.grid if plan.symmetric else plan.full
-    new = replace(plan, parameters=given, grid=grid, apart=0, items=items)
+    new = replace(plan, parameters=given, grid=grid, apart=0, zones=(), items=items)
     return Planned(planned.material, new, None, planned.seconds)
 
 

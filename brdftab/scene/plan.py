@@ -103,6 +103,8 @@ class Plan:
         Whether a quarter of the light's azimuths stands for all.
     apart : int
         Last azimuths that hold averages of cells and enter no cubic.
+    zones : tuple of (float, int)
+        Largest polar angle (radians) of light and view within which so many bounces are enough, narrowest first.
     floor, tolerance, rules : float
         Values below the first count absolutely (1/sr); error tolerated; error asked of the quadratures.
     dtype : str
@@ -124,6 +126,7 @@ class Plan:
     cosines: int = 0
     symmetric: bool = False
     apart: int = 0
+    zones: tuple[tuple[float, int], ...] = ()
     floor: float = 1e-9
     tolerance: float = 1e-2
     rules: float = 2.5e-3
@@ -164,6 +167,7 @@ class Plan:
             "cosines": self.cosines,
             "symmetric": self.symmetric,
             "apart": self.apart,
+            "zones": [list(zone) for zone in self.zones],
             "floor": self.floor,
             "tolerance": self.tolerance,
             "rules": self.rules,
@@ -206,12 +210,13 @@ class Plan:
                 "floor",
             )
             rest = ("tolerance", "rules", "dtype", "predicted")
-            return cls(items=items, **grids, **{key: data[key] for key in (*plain, *rest)})
+            zones = tuple((float(limit), int(cap)) for limit, cap in data["zones"])
+            return cls(items=items, zones=zones, **grids, **{key: data[key] for key in (*plain, *rest)})
         except GridError as error:
             raise FileFormatError(
                 f"the plan stored in the file is damaged: {error}; tabulate the scene again"
             ) from error
-        except (KeyError, TypeError) as error:
+        except (KeyError, TypeError, ValueError) as error:
             raise FileFormatError(f"the plan stored in the file lacks {error}; tabulate the scene again") from error
 
 

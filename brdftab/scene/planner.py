@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.engine import Engine
 from brdftab.errors import GridError, ParameterError
 from brdftab.evaluation import is_stochastic
 from brdftab.grid import Grid
@@ -21,6 +20,8 @@ from brdftab.scene.plan import SHARES, Item, Plan, Planned
 from brdftab.scene.reduce import Probes, reduced
 from brdftab.scene.resolution import keep
 from brdftab.scene.scene import Material, Scene
+from brdftab.scene.zones import engine as engine_of
+from brdftab.scene.zones import fewer_near_the_normal
 from brdftab.tabulation import default_grid
 
 Array = NDArray[np.float64]
@@ -133,6 +134,10 @@ def plan_material(material: Material) -> Planned:
         told = f"{fourth.shape[1]} of {near.shape[1]} azimuths of the light: the surface is symmetric about both axes"
         items.append(Item("symmetry", told, "exact", time=saved, size=saved))
         grid, symmetric = fourth, True
+    used = sum(item.cell for item in items if item.name == "bounces")
+    near_normal = fewer_near_the_normal(computed, grid, lambda some: probes(some, floor, PAIRS, 5), tolerance, used)
+    zones, more = ((), []) if near_normal is None else (near_normal[0], [near_normal[1]])
+    items += more
     plan = Plan(
         model=setup.model.name,
         given=setup.parameters,
@@ -143,6 +148,7 @@ def plan_material(material: Material) -> Planned:
         full=near,
         whole=whole,
         symmetric=symmetric,
+        zones=zones,
         floor=floor,
         tolerance=tolerance,
         rules=rules,
@@ -183,7 +189,7 @@ def resolved(planned: Planned, setup: Setup, effort: int = 0) -> Planned:
     plan, started = planned.plan, time.perf_counter()
     assert plan.full is not None
     assert plan.grid is not None
-    engine = planned.engine or Engine(setup, plan.rules)
+    engine = planned.engine or engine_of(setup, plan)
     build = time.perf_counter() - started
     share, times = EFFORTS[setup.model.kinked and setup.values.get("masking") != "smith"][effort]
     items = tuple(item for item in plan.items if item.name != "resolution")

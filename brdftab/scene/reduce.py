@@ -23,8 +23,8 @@ from brdftab.scene.scene import Material
 Array = NDArray[np.float64]
 # a stated error is this many times the largest that was measured on the probes
 SAFETY = 3.0
-# cells at the mirror direction among the probes, nodes along each of their coordinates, and pairs that are timed
-MIRRORS, NODES, TIMED = 6, 3, 16
+# cells at the mirror direction among the probes, nodes along each of their coordinates, and how often a cost is timed
+MIRRORS, NODES, TIMED = 6, 3, 3
 # both sides of a comparison are evaluated to this share of the tolerance; their errors are alike
 EXACT = 0.1
 # values without which a lobe is gone
@@ -64,11 +64,9 @@ class Probes:
         found = engine.points(self.theta_i, self.theta_o, self.phi, self.phi_i)
         return found, time.perf_counter() - started
 
-    def some(self, count: int) -> Probes:
-        """Return about `count` of the pairs, evenly picked."""
-        step = max(1, self.theta_i.size // count)
-        theta_i, theta_o, phi, phi_i = (a[::step] for a in (self.theta_i, self.theta_o, self.phi, self.phi_i))
-        return Probes(theta_i, theta_o, phi, phi_i, self.floor, self.grid)
+    def cost(self, setup: Setup, tolerance: float) -> float:
+        """Return the seconds of evaluating all pairs, the least of three: the first may build what others find."""
+        return min(self.values(setup, EXACT * tolerance)[1] for _ in range(TIMED))
 
     def error(self, found: Array, reference: Array) -> float:
         """Return the largest difference (N, C), relative to the largest channel or the floor."""
@@ -132,7 +130,7 @@ def fewer_bounces(setup: Setup, material: Material, probes: Probes, tolerance: f
         error = left_out(cap)
         if error <= allowed:
             capped = resolve(model.name, **{**setup.parameters, "max_bounces": cap})
-            seconds, quick = (probes.some(TIMED).values(s, EXACT * tolerance)[1] for s in (setup, capped))
+            seconds, quick = (probes.cost(s, tolerance) for s in (setup, capped))
             told = f"bounces beyond {cap} do not show between these lights and views"
             saved = max(0.0, 1.0 - quick / max(seconds, 1e-9))
             return capped, Item("bounces", told, "measured", error, 1.1 * error, time=saved)
