@@ -116,5 +116,12 @@ def quarter(setup: Setup, grid: Grid, rules: float) -> Grid | None:
     ):
         if np.abs(turned - value).max() > max(SAME, rules) * np.abs(value).max():
             return None
+    fourth = first_quarter(grid)
+    return fourth if fourth.size < grid.size else None
+
+
+def first_quarter(grid: Grid) -> Grid:
+    """Return the part of a grid of four axes whose lights have azimuths up to 90 degrees; the whole without any."""
+    assert grid.phi_i is not None
     first = np.flatnonzero(grid.phi_i <= 0.5 * math.pi + 1e-9)
-    return part(grid, {"phi_i": first}) if 0 < first.size < grid.phi_i.size else None
+    return part(grid, {"phi_i": first}) if first.size else grid

@@ -253,8 +253,7 @@ def plain(planned: Planned) -> Planned:
             for name, value in given.items()
         }
     items = with_margin(tuple(item for item in plan.items if not _doubtful(item)), plan.tolerance)
-    grid = plan.grid if plan.symmetric else plan.full
-    new = replace(plan, parameters=given, grid=grid, apart=0, zones=(), items=items)
+    new = replace(plan, parameters=given, grid=plan.folded, apart=0, zones=(), items=items)
     return Planned(planned.material, new, None, planned.seconds)
 
 

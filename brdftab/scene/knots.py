@@ -23,7 +23,9 @@ def largest(values: Array) -> Array:
     return found
 
 
-def stencil(knots: Array, x: Array, *, even: tuple[float, ...] = (), apart: int = 0) -> tuple[NDArray[np.int64], Array]:
+def stencil(
+    knots: Array, x: Array, *, even: tuple[float, ...] = (), apart: int = 0, period: float = 0.0
+) -> tuple[NDArray[np.int64], Array]:
     """Return the four (or fewer) knots around each position and their Lagrange weights.
 
     Parameters
@@ -36,6 +38,8 @@ def stencil(knots: Array, x: Array, *, even: tuple[float, ...] = (), apart: int 
         Positions about which the function is even: 0 and pi of a relative azimuth.
     apart : int
         How many of the last knots are averages of other cells: taken as they are, linearly, by no cubic.
+    period : float
+        Of the function, 0 for none; positions lie in the period that holds the knots.
 
     Returns
     -------
@@ -45,7 +49,12 @@ def stencil(knots: Array, x: Array, *, even: tuple[float, ...] = (), apart: int 
     whole, source = knots, np.arange(knots.size)
     inner = knots[: knots.size - apart]
     extended, origin = inner, source[: inner.size]
-    if inner.size >= 3:
+    if period:
+        # two of the turns before and after reach far enough
+        turns = slice(max(0, inner.size - 2), 2 * inner.size + min(2, inner.size))
+        extended = np.concatenate([inner - period, inner, inner + period])[turns]
+        origin = np.tile(origin, 3)[turns]
+    elif inner.size >= 3:
         for centre in even:
             if apart and centre > inner[-1]:
                 continue
@@ -84,9 +93,9 @@ def _lagrange(nodes: Array, x: Array) -> Array:
     return np.ascontiguousarray((above / below).T)
 
 
-def matrix(knots: Array, x: Array, *, even: tuple[float, ...] = (), apart: int = 0) -> Array:
+def matrix(knots: Array, x: Array, *, even: tuple[float, ...] = (), apart: int = 0, period: float = 0.0) -> Array:
     """Return the interpolation (N, K) as a dense matrix."""
-    index, weight = stencil(knots, x, even=even, apart=apart)
+    index, weight = stencil(knots, x, even=even, apart=apart, period=period)
     dense = np.zeros((x.size, knots.size))
     np.add.at(dense, (np.arange(x.size)[:, None], index), weight)
     return dense
@@ -121,7 +130,13 @@ def _closed(kept: NDArray[np.int64], count: int) -> NDArray[np.int64]:
 
 
 def choose(
-    x: Array, logs: Array, tolerance: float, *, even: tuple[float, ...] = (), apart: int = 0
+    x: Array,
+    logs: Array,
+    tolerance: float,
+    *,
+    even: tuple[float, ...] = (),
+    apart: int = 0,
+    period: float = 0.0,
 ) -> tuple[NDArray[np.int64], float]:
     """Return which positions of an axis to keep, and the largest error of the others.
 
@@ -136,7 +151,7 @@ def choose(
         `to_log` of the values along the axis on M lines.
     tolerance : float
         Largest error allowed, relative to the value or the floor.
-    even, apart
+    even, apart, period
         As in `stencil`.
 
     Returns
@@ -154,7 +169,7 @@ def choose(
     while True:
         kept, rest = np.flatnonzero(chosen), np.flatnonzero(~chosen)
         error = np.zeros(n)
-        apart_by = np.abs(matrix(x[kept], x[rest], even=even, apart=apart) @ logs[kept] - logs[rest])
+        apart_by = np.abs(matrix(x[kept], x[rest], even=even, apart=apart, period=period) @ logs[kept] - logs[rest])
         # exact to first order above and below the floor, and a bound above it
         error[rest] = np.expm1(np.minimum(apart_by.max(axis=1, initial=0.0), 700.0))
         worst = float(error.max(initial=0.0))

@@ -27,8 +27,11 @@ def _settings(table: Table) -> tuple[float, int, bool]:
     return plan.get("floor", FLOOR), plan.get("apart", 0), plan.get("symmetric", False)
 
 
-def _options(name: str, apart: int) -> dict[str, Any]:
-    return {"even": EVEN[name], "apart": apart} if name == "phi" else {}
+def options(name: str, apart: int = 0, symmetric: bool = False) -> dict[str, Any]:
+    """Return how an axis goes on beyond its ends: evenly, periodically, or not at all."""
+    if name == "phi":
+        return {"even": EVEN[name], "apart": apart}
+    return {"period": 2.0 * math.pi} if name.startswith("phi_") and not (name == "phi_i" and symmetric) else {}
 
 
 def interpolate(
@@ -78,7 +81,7 @@ def interpolate(
         at["phi"] = np.abs(np.mod(dphi + math.pi, 2.0 * math.pi) - math.pi)
     else:
         at["phi_i"], at["phi_o"] = _folded(az, az + dphi, symmetric)
-    rules = [_rule(grid, name, at[name], apart, symmetric) for name in grid.axis_names]
+    rules = [stencil(grid.axes[name], at[name], **options(name, apart, symmetric)) for name in grid.axis_names]
     # of few directions only what they touch is taken to its logarithm
     values = table.values if ti.size * 4 ** len(rules) < grid.size else to_log(table.values.astype(np.float64), floor)
     found = np.empty((ti.size, table.shape[-1]))
@@ -99,16 +102,6 @@ def _folded(phi_i: Array, phi_o: Array, symmetric: bool) -> tuple[Array, Array]:
         across = i > 0.5 * math.pi + 1e-12
         i, o = np.where(across, math.pi - i, i), np.where(across, math.pi - o, o)
     return i, np.mod(o, 2.0 * math.pi)
-
-
-def _rule(grid: Grid, name: str, x: Array, apart: int, symmetric: bool) -> tuple[NDArray[np.int64], Array]:
-    """Return indices and weights along one axis."""
-    knots = grid.axes[name]
-    if not name.startswith("phi_") or (name == "phi_i" and symmetric):
-        return stencil(knots, x, **_options(name, apart))
-    turns = np.concatenate([knots - 2.0 * math.pi, knots, knots + 2.0 * math.pi])
-    index, weight = stencil(turns, x)
-    return index % knots.size, weight
 
 
 def _gather(values: NDArray[Any], rules: list[tuple[NDArray[np.int64], Array]]) -> tuple[NDArray[Any], Array]:
@@ -143,15 +136,26 @@ def expand(table: Table) -> Table:
 
 def expanded(table: Table, full: Grid, picked: Mapping[str, NDArray[np.int64]] | None = None) -> Array:
     """Return float64 values of a table at the positions of another grid of the same kind, or at picked ones of it."""
-    floor, apart, _ = _settings(table)
-    if not full.isotropic:
-        mesh = np.meshgrid(*full.axes.values(), indexing="ij")
-        ti, pi_, to, po = mesh
-        return interpolate(table, ti, to, po - pi_, phi_i=pi_)
+    wanted = {n: full.axes[n][picked[n]] if picked and n in picked else full.axes[n] for n in full.axis_names}
+    if full.isotropic:
+        return _product(table, wanted)
+    azimuths = np.broadcast_arrays(wanted["phi_i"][:, None], wanted["phi_o"])
+    phi_i, phi_o = _folded(azimuths[0], azimuths[1], _settings(table)[2])
+    # lights that fold alike share the azimuths of their views
+    ways, which = np.unique(phi_o, axis=0, return_inverse=True)
+    found = np.empty((*(a.size for a in wanted.values()), table.shape[-1]))
+    for n, views in enumerate(ways):
+        lights = np.flatnonzero(which.reshape(-1) == n)
+        found[:, lights] = _product(table, wanted | {"phi_i": phi_i[lights, 0], "phi_o": views})
+    return found
+
+
+def _product(table: Table, wanted: Mapping[str, Array]) -> Array:
+    """Return float64 values at the product of some positions of each axis, one axis after the other."""
+    floor, apart, symmetric = _settings(table)
     rules, used = [], []
-    for name in full.axis_names:
-        wanted = full.axes[name][picked[name]] if picked and name in picked else full.axes[name]
-        dense = matrix(table.grid.axes[name], wanted, **_options(name, apart))
+    for name, x in wanted.items():
+        dense = matrix(table.grid.axes[name], x, **options(name, apart, symmetric))
         used.append(np.flatnonzero(dense.any(axis=0)))
         rules.append(dense[:, used[-1]])
     logs = to_log(table.values[np.ix_(*used)].astype(np.float64), floor)

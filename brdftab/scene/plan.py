@@ -15,6 +15,7 @@ from brdftab.errors import FileFormatError, GridError
 from brdftab.grid import Grid
 from brdftab.models.setup import LUMINANCE, Setup, luminance, resolve
 from brdftab.scene import compact
+from brdftab.scene.angles import first_quarter
 from brdftab.scene.scene import Material
 
 # shares of the tolerated error that each kind of item may use up; they add up to 1
@@ -148,6 +149,12 @@ class Plan:
     def _setup(self) -> Setup:
         found = resolve(self.model, **self.parameters)
         return luminance(found) if self.luminance else found
+
+    @property
+    def folded(self) -> Grid:
+        """The positions within the scene's ranges, without those that symmetry gives."""
+        assert self.full is not None
+        return first_quarter(self.full) if self.symmetric else self.full
 
     def setup(self) -> Setup:
         """Return the reduced setup."""

@@ -16,6 +16,7 @@ from brdftab.grid import Grid
 from brdftab.models.setup import Setup, luminance
 from brdftab.scene import albedo, layers
 from brdftab.scene.angles import quarter, reached
+from brdftab.scene.azimuths import keep_azimuths
 from brdftab.scene.plan import SHARES, Item, Plan, Planned
 from brdftab.scene.reduce import Probes, reduced
 from brdftab.scene.resolution import keep
@@ -194,12 +195,16 @@ def resolved(planned: Planned, setup: Setup, effort: int = 0) -> Planned:
     share, times = EFFORTS[setup.model.kinked and setup.values.get("masking") != "smith"][effort]
     items = tuple(item for item in plan.items if item.name != "resolution")
     grid, apart, rate = plan.grid, 0, (0.0, 0.0)
-    if plan.full.isotropic and not plan.full.below:
-        allowed = SHARES["resolution"] * plan.tolerance
-        found = keep(engine, plan.full, share * allowed, plan.floor, plan.dtype, times)
+    if not plan.full.below:
+        before, allowed = plan.folded, SHARES["resolution"] * plan.tolerance
+        asked = (share * allowed, plan.floor, plan.dtype, times)
+        if before.isotropic:
+            found = keep(engine, before, *asked)
+        else:
+            found = keep_azimuths(engine, before, plan.symmetric, *asked)
         grid, rate = found.grid, (found.rate, found.step)
-        if grid.size < plan.full.size:
-            apart, saved = found.apart, _saved(plan.full.size, grid.size)
+        if grid.size < before.size:
+            apart, saved = found.apart, _saved(before.size, grid.size)
             told = f"{'x'.join(map(str, grid.shape))} positions, with cubics in log f between them"
             items = (*items, Item("resolution", told, "measured", *_both(allowed), time=saved, size=saved))
     items = with_margin(items, plan.tolerance)

@@ -1,13 +1,16 @@
-"""How many positions a table needs: two slabs of the grid tell which ones interpolation gives back."""
+"""How many positions a table of three axes needs: two slabs tell which ones interpolation gives back."""
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from brdftab.attempts import fill_grid
+from brdftab.axes import TWO_PI
 from brdftab.engine import Engine
 from brdftab.evaluation import singular_setup
 from brdftab.grid import Grid
@@ -27,6 +30,7 @@ MIRRORED = 3.0
 AXES = 4.0
 # lines that the choice looks at: at each position those that bend most, a few more at random
 BENT, MORE = 2, 32
+AROUND = ("phi_i", "phi_o")
 
 
 @dataclass(frozen=True)
@@ -52,7 +56,7 @@ class Kept:
     step: float
 
 
-def _spread(count: int, least: int, power: float = 1.5) -> NDArray[np.int64]:
+def spread(count: int, least: int, power: float = 1.5) -> NDArray[np.int64]:
     """Return up to `least` indices, the ends among them, the upper end denser by a power."""
     share = 1.0 - (1.0 - np.linspace(0.0, 1.0, min(least, count))) ** power
     return np.unique(np.round(share * (count - 1)).astype(np.int64))
@@ -63,15 +67,15 @@ def _lines(least: int, cells: int) -> int:
     return max(least, CELLS // cells)
 
 
-def _slab(engine: Engine, grid: Grid, picked: dict[str, NDArray[np.int64]], dtype: str) -> Array:
-    """Return values (I, O, P, C) at some positions of each axis, computed as a table of that type is."""
-    axes = [grid.axes[name][picked[name]] if name in picked else grid.axes[name] for name in grid.axis_names]
-    out = np.empty((engine.layers, *(a.size for a in axes), len(engine.setup.channels)), dtype)
-    engine.fill(axes[0], axes[1], axes[2], out)
+def slab(engine: Engine, grid: Grid, picked: dict[str, NDArray[np.int64]], dtype: str) -> Array:
+    """Return values (*grid, C) at some positions of each axis, computed as a table of that type is."""
+    some = part(grid, picked)
+    out = np.empty((engine.layers, *some.shape, len(engine.setup.channels)), dtype)
+    fill_grid(engine, some, out, None)
     return out.sum(axis=0, dtype=np.float64)
 
 
-def _bent(lines: Array, floor: float, times: int) -> Array:
+def bent(lines: Array, floor: float, times: int) -> Array:
     """Return logs (N, L) of lines (N, M, C), the largest channel: those that bend most at any position, and others."""
     logs = to_log(largest(lines), floor)
     most, more = times * BENT, times * MORE
@@ -111,29 +115,28 @@ def keep(engine: Engine, grid: Grid, tolerance: float, floor: float, dtype: str,
     allowed = tolerance / AXES
     singular = singular_setup(engine.setup) is not None
     apart = 1 if singular and grid.cell == "center" and grid.phi.size > 2 else 0
-    rows = _spread(grid.theta_i.size, times * _lines(ROWS, COLUMNS * grid.phi.size))
-    mirrored = np.searchsorted(grid.theta_o, grid.theta_i[rows]).clip(0, grid.theta_o.size - 1)
-    columns = np.union1d(
-        _spread(grid.theta_o.size, times * _lines(COLUMNS, rows.size * grid.phi.size // times)), mirrored
-    )
+    rows = spread(grid.theta_i.size, times * _lines(ROWS, COLUMNS * grid.phi.size))
+    views = spread(grid.theta_o.size, times * _lines(COLUMNS, rows.size * grid.phi.size // times))
+    lights = with_mirror_views(grid, {"theta_i": rows, "theta_o": views})
+    columns = lights["theta_o"]
     few = {name: np.arange(min(2, axis.size)) for name, axis in grid.axes.items()}
-    once(f"fill of {engine.setup.model.name}, {engine.is_fast}", lambda: _slab(engine, grid, few, dtype))
+    once(f"fill of {engine.setup.model.name}, {engine.is_fast}", lambda: slab(engine, grid, few, dtype))
     started = time.perf_counter()
-    across = _slab(engine, grid, {"theta_i": rows, "theta_o": columns}, dtype)
+    across = slab(engine, grid, lights, dtype)
     slabs = [(across[..., 0].size, rows.size * columns.size, time.perf_counter() - started)]
     kept, error = {}, 0.0
     lines = np.moveaxis(across, 2, 0).reshape(grid.phi.size, -1, across.shape[-1])
-    kept["phi"], worst = choose(grid.phi, _bent(lines, floor, times), allowed, even=EVEN["phi"], apart=apart)
+    kept["phi"], worst = choose(grid.phi, bent(lines, floor, times), allowed, even=EVEN["phi"], apart=apart)
     error += worst
     if not singular:
         started = time.perf_counter()
-        azimuths = _spread(grid.phi.size, times * _lines(AZIMUTHS, grid.theta_i.size * grid.theta_o.size), MIRRORED)
-        along = _slab(engine, grid, {"phi": azimuths}, dtype)
+        azimuths = spread(grid.phi.size, times * _lines(AZIMUTHS, grid.theta_i.size * grid.theta_o.size), MIRRORED)
+        along = slab(engine, grid, {"phi": azimuths}, dtype)
         pairs = grid.theta_i.size * grid.theta_o.size // (2 if grid.square and engine.setup.model.reciprocal else 1)
         slabs.append((azimuths.size * pairs, pairs, time.perf_counter() - started))
         for axis, name in enumerate(("theta_i", "theta_o")):
             lines = np.moveaxis(along, axis, 0).reshape(along.shape[axis], -1, along.shape[-1])
-            kept[name], worst = choose(grid.axes[name], _bent(lines, floor, times), allowed)
+            kept[name], worst = choose(grid.axes[name], bent(lines, floor, times), allowed)
             error += worst
         if grid.square:
             kept["theta_i"] = kept["theta_o"] = np.union1d(kept["theta_i"], kept["theta_o"])
@@ -162,18 +165,39 @@ def largest_error(engine: Engine, table: Table, plan: Plan, seed: int) -> float:
     """
     full = plan.full
     assert full is not None
-    rng = np.random.default_rng(seed)
-    picked = {}
-    lines = {"theta_i": _lines(ROWS, COLUMNS * full.axes["phi"].size)}
-    lines["theta_o"] = _lines(COLUMNS, lines["theta_i"] * full.axes["phi"].size)
-    for name, most in lines.items():
-        count = full.axes[name].size
-        picked[name] = np.sort(rng.choice(count, min(most, count), replace=False))
-    mirrored = np.searchsorted(full.theta_o, full.theta_i[picked["theta_i"]]).clip(0, full.theta_o.size - 1)
-    picked["theta_o"] = np.union1d(picked["theta_o"], mirrored)
-    right = added_up(_slab(engine, full, picked, plan.dtype), plan.luminance)
+    picked = _others(full, np.random.default_rng(seed))
+    right = added_up(slab(engine, full, picked, plan.dtype), plan.luminance)
     found = expanded(table, full, picked)
     if plan.apart:
         right, found = right[:, :, : -plan.apart], found[:, :, : -plan.apart]
     scale = np.maximum(largest(np.abs(right)), plan.floor)
     return float((largest(np.abs(found - right)) / scale).max(initial=0.0))
+
+
+def _others(full: Grid, rng: np.random.Generator) -> dict[str, NDArray[np.int64]]:
+    """Return positions of a slab: lights and views at random, the lights' mirror views, azimuths all or at random."""
+    azimuths = {} if full.isotropic else {name: _some(full.axes[name].size, AZIMUTHS, rng) for name in AROUND}
+    around = full.axes["phi"].size if full.isotropic else math.prod(a.size for a in azimuths.values())
+    rows = _lines(ROWS, COLUMNS * around)
+    picked = {
+        "theta_i": _some(full.theta_i.size, rows, rng),
+        "theta_o": _some(full.theta_o.size, _lines(COLUMNS, rows * around), rng),
+        **azimuths,
+    }
+    return with_mirror_views(full, picked)
+
+
+def _some(count: int, most: int, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Return indices at random, increasing, no more than there are."""
+    return np.sort(rng.choice(count, min(most, count), replace=False))
+
+
+def with_mirror_views(grid: Grid, picked: dict[str, NDArray[np.int64]]) -> dict[str, NDArray[np.int64]]:
+    """Return picked positions with the views that mirror the picked lights."""
+    size = grid.theta_o.size
+    across = np.searchsorted(grid.theta_o, grid.theta_i[picked["theta_i"]]).clip(0, size - 1)
+    picked = picked | {"theta_o": np.union1d(picked["theta_o"], across)}
+    if grid.phi_i is None or grid.phi_o is None:
+        return picked
+    behind = np.searchsorted(grid.phi_o, np.mod(grid.phi_i[picked["phi_i"]] + math.pi, TWO_PI)) % grid.phi_o.size
+    return picked | {"phi_o": np.union1d(picked["phi_o"], behind)}

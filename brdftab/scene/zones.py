@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from brdftab.engine import Engine
 from brdftab.evaluation import ORDERS, is_stochastic
 from brdftab.grid import Grid
-from brdftab.models.setup import Setup, resolve
+from brdftab.models.setup import Setup
 from brdftab.scene.angles import part
 from brdftab.scene.plan import SHARES, Item, Plan
 from brdftab.scene.reduce import EXACT, SAFETY, Probes
@@ -19,7 +20,7 @@ Array = NDArray[np.float64]
 # (largest polar angle in radians, bounces that are enough where light and view stay within it), steepest first
 Zones = tuple[tuple[float, int], ...]
 Draw = Callable[[Grid], Probes]
-# a zone that saves less of the run time is not worth its share of the error
+# a zone with a smaller share of the pairs is not worth its share of the error; times decide nothing, for they vary
 LEAST = 0.02
 # how often a zone is narrowed until probes of its own find nothing
 NARROWED = 4
@@ -28,8 +29,8 @@ NARROWER = 0.8
 
 
 def capped(setup: Setup, bounces: int) -> Setup:
-    """Return the setup with a cap of its bounces."""
-    return resolve(setup.model.name, **{**setup.parameters, "max_bounces": bounces})
+    """Return the setup with a cap of its bounces; luminance stays luminance."""
+    return replace(setup, max_bounces=bounces, parameters={**setup.parameters, "max_bounces": bounces})
 
 
 class Zoned(Engine):
@@ -137,11 +138,11 @@ def fewer_near_the_normal(
         inner, error = _zone(setup, grid, draw, tolerance, cap, allowed)
         if inner is None or inner.size <= covered:
             continue
-        quick = draw(inner).cost(capped(setup, cap), tolerance)
         share = (inner.size - covered) / grid.size
-        gain = share * (1.0 - quick / max(seconds, 1e-9))
-        if gain < LEAST:
+        if share < LEAST:
             continue
+        quick = draw(inner).cost(capped(setup, cap), tolerance)
+        gain = share * max(0.0, 1.0 - quick / max(seconds, 1e-9))
         zones.append((float(max(inner.theta_i[-1], inner.theta_o[-1])), cap))
         worst, saved, covered = max(worst, error), saved + gain, inner.size
         if inner.size == grid.size:

@@ -1,0 +1,70 @@
+"""How many positions a table of four axes needs: a slab across each axis tells which ones interpolation gives back."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+
+from brdftab.engine import Engine
+from brdftab.evaluation import singular_setup
+from brdftab.grid import Grid
+from brdftab.scene.angles import part
+from brdftab.scene.knots import choose
+from brdftab.scene.lookup import options
+from brdftab.scene.plan import once
+from brdftab.scene.resolution import AROUND, Kept, bent, slab, spread, with_mirror_views
+
+# positions of each axis that lines along the others cross; views at the mirror side of the lights come on top
+CROSSED = {"theta_i": 5, "theta_o": 9, "phi_i": 4, "phi_o": 5}
+# axes share what interpolation may cost; a part is kept back
+AXES = 4.0
+# slabs of a coarse grid would hold much of it, and leave little to save
+MOST = 0.2
+
+
+def keep_azimuths(
+    engine: Engine, grid: Grid, symmetric: bool, tolerance: float, floor: float, dtype: str, times: int = 1
+) -> Kept:
+    """Choose the positions of a grid of four axes between which cubics in log f meet a tolerance.
+
+    Parameters
+    ----------
+    engine, grid, tolerance, floor, dtype, times
+        As in `brdftab.scene.resolution.keep`.
+    symmetric : bool
+        Whether the grid holds a quarter of the light's azimuths.
+
+    Returns
+    -------
+    Kept
+        With the grid as it is where slabs would hold more than a fifth of it, and where the mirror direction is
+        singular: the cells that hold averages lie along a diagonal, which no axis leaves out.
+    """
+    more = math.isqrt(times)
+    crossed = {
+        name: spread(
+            grid.axes[name].size, (times if name == "theta_i" else more) * count, 1.0 if name in AROUND else 1.5
+        )
+        for name, count in CROSSED.items()
+    }
+    crossed = with_mirror_views(grid, crossed)
+    product = math.prod(index.size for index in crossed.values())
+    cells = sum(product // crossed[name].size * axis.size for name, axis in grid.axes.items())
+    if cells > MOST * grid.size or singular_setup(engine.setup) is not None:
+        return Kept(grid, 0, 0.0, 0.0, 0.0)
+    few = {name: np.arange(min(2, axis.size)) for name, axis in grid.axes.items()}
+    once(f"fill of {engine.setup.model.name}, four axes", lambda: slab(engine, grid, few, dtype))
+    started, error, kept = time.perf_counter(), 0.0, {}
+    for axis, name in enumerate(grid.axis_names):
+        values = slab(engine, grid, {other: index for other, index in crossed.items() if other != name}, dtype)
+        lines = np.moveaxis(values, axis, 0).reshape(values.shape[axis], -1, values.shape[-1])
+        way = options(name, symmetric=symmetric)
+        kept[name], worst = choose(grid.axes[name], bent(lines, floor, times), tolerance / AXES, **way)
+        error += worst
+    rate = (time.perf_counter() - started) / cells
+    if grid.square:
+        for one, other in (("theta_i", "theta_o"), AROUND):
+            kept[one] = kept[other] = np.union1d(kept[one], kept[other])
+    return Kept(part(grid, kept), 0, error, rate, 0.0)
