@@ -18,6 +18,8 @@ from brdftab.grid import Grid
 FORMAT = "brdftab-table"
 FORMAT_VERSION = 1
 DTYPES = ("float32", "float64")
+# key of files that hold one half of a reciprocal table, pairs with theta_o <= theta_i
+STORED, HALF = "stored", "theta_o <= theta_i"
 
 _CHANNEL = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}|[0-9]{1,9}(\.[0-9]{1,9})?nm")
 _COMPONENT = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,63}")
@@ -199,11 +201,18 @@ class Header:
     dtype: str
     version: str
     provenance: dict[str, Any]
+    half: bool = False
 
     @property
     def shape(self) -> tuple[int, ...]:
         """Shape of the values that the metadata declares."""
         return (*self.grid.shape, len(self.channels))
+
+    @property
+    def stored_shape(self) -> tuple[int, ...]:
+        """Shape of the arrays in the file: of one half the pairs of polar angles are one dimension."""
+        count = self.grid.theta_i.size
+        return (count * (count + 1) // 2, *self.shape[2:]) if self.half else self.shape
 
     @classmethod
     def parse(cls, metadata: object) -> Header:
@@ -250,7 +259,11 @@ class Header:
             provenance = _plain(metadata["provenance"])
         except (GridError, ParameterError) as error:
             raise FileFormatError(str(error)) from error
-        head = cls(grid, channels, components, metadata["mask"], metadata["dtype"], metadata["version"], provenance)
+        half = STORED in metadata
+        if half and (metadata[STORED] != HALF or not (grid.isotropic and grid.square)):
+            raise FileFormatError(f"the metadata's {STORED} is not {HALF!r} of a grid with equal polar angles")
+        plain = (metadata["mask"], metadata["dtype"], metadata["version"], provenance, half)
+        head = cls(grid, channels, components, *plain)
         if not channels or metadata["shape"] != list(head.shape):
             raise FileFormatError("the metadata's shape disagrees with its axes and channels")
         return head

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from brdftab.errors import FileFormatError
 from brdftab.io import text
+from brdftab.io.half import is_half, metadata, packed, unpacked
 from brdftab.table import Table
 
 _METADATA = "metadata"
@@ -36,14 +37,15 @@ def write(table: Table, path: Path) -> None:
     path : Path
         A temporary file; `brdftab.io.write` moves it into place.
     """
-    arrays: dict[str, NDArray[Any]] = {"values": table.values}
+    half = is_half(table)
+    arrays: dict[str, NDArray[Any]] = {"values": packed(table.values, half)}
     arrays |= table.grid.axes
     arrays |= {f"{name}_edges": edges for name, edges in table.grid.edges.items()}
-    arrays |= {_COMPONENT + name: array for name, array in table.components.items()}
+    arrays |= {_COMPONENT + name: packed(array, half) for name, array in table.components.items()}
     if table.mask is not None:
-        arrays["mask"] = table.mask
+        arrays["mask"] = packed(table.mask, half)
     arrays = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
-    arrays[_METADATA] = np.array(text.dump(table.metadata()))
+    arrays[_METADATA] = np.array(text.dump(metadata(table, half)))
     with open(path, "wb") as file:
         np.savez(file, allow_pickle=False, **arrays)
 
@@ -86,11 +88,11 @@ def _read(archive: zipfile.ZipFile) -> Table:
         members[info.filename] = info
     if f"{_METADATA}.npy" not in members:
         raise FileFormatError("the zip archive holds no metadata array, so it is not a brdftab table")
-    head, metadata = text.load(_text(archive, members[f"{_METADATA}.npy"]))
+    head, told = text.load(_text(archive, members[f"{_METADATA}.npy"]))
     names = ["values", *(_COMPONENT + name for name in head.components)]
-    wanted = {name: (head.dtype, head.shape) for name in names}
+    wanted = {name: (head.dtype, head.stored_shape) for name in names}
     if head.mask:
-        wanted["mask"] = ("bool", head.shape)
+        wanted["mask"] = ("bool", head.stored_shape)
     for name, axis in head.grid.axes.items():
         wanted |= {name: ("float64", axis.shape), f"{name}_edges": ("float64", (axis.size + 1,))}
     for name, (dtype, shape) in wanted.items():
@@ -101,8 +103,9 @@ def _read(archive: zipfile.ZipFile) -> Table:
     for name, axis in (*head.grid.axes.items(), *((f"{n}_edges", e) for n, e in head.grid.edges.items())):
         if arrays[name].tobytes() != axis.tobytes():
             raise FileFormatError(f"the NPZ's array {name} disagrees with its metadata")
-    components = {name: arrays[_COMPONENT + name] for name in head.components}
-    return Table.from_parts(arrays["values"], components, arrays.get("mask"), metadata)
+    whole = {name: unpacked(arrays[name], head) for name in (*names, *(["mask"] if head.mask else []))}
+    components = {name: whole[_COMPONENT + name] for name in head.components}
+    return Table.from_parts(whole["values"], components, whole.get("mask"), told)
 
 
 def _head(stream: IO[bytes], name: str) -> tuple[tuple[int, ...], bool, np.dtype[Any], int]:

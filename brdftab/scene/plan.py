@@ -51,7 +51,7 @@ class Item:
     Attributes
     ----------
     name : str
-        directions, channels, wavelengths, symmetry, bounces, lobe, resolution, rules, layers, table.
+        directions, channels, wavelengths, symmetry, reciprocity, bounces, lobe, resolution, rules, layers, table.
     told : str
         What is left out and why, one line.
     kind : {"exact", "bound", "measured"}

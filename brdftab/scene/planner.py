@@ -18,6 +18,7 @@ from brdftab.scene import albedo, layers
 from brdftab.scene.angles import quarter, reached
 from brdftab.scene.azimuths import keep_azimuths
 from brdftab.scene.plan import SHARES, Item, Plan, Planned
+from brdftab.scene.predict import half_of, seconds, stored
 from brdftab.scene.reduce import Probes, reduced
 from brdftab.scene.resolution import keep
 from brdftab.scene.scene import Material, Scene
@@ -139,6 +140,9 @@ def plan_material(material: Material) -> Planned:
     near_normal = fewer_near_the_normal(computed, grid, lambda some: probes(some, floor, PAIRS, 5), tolerance, used)
     zones, more = ((), []) if near_normal is None else (near_normal[0], [near_normal[1]])
     items += more
+    if near.isotropic and near.square and not near.below and setup.model.reciprocal and not noisy:
+        told = "f is the same with light and view exchanged: of each two polar angles one order is stored"
+        items.append(Item("reciprocity", told, "exact", size=1.0 - half_of(near)))
     plan = Plan(
         model=setup.model.name,
         given=setup.parameters,
@@ -159,7 +163,7 @@ def plan_material(material: Material) -> Planned:
     planned = Planned(material, plan)
     if not noisy:
         planned = resolved(planned, computed)
-    planned.plan = replace(planned.plan, predicted=_bytes(planned.plan, setup) | planned.plan.predicted)
+    planned.plan = replace(planned.plan, predicted=stored(planned.plan, setup) | planned.plan.predicted)
     planned.seconds = time.perf_counter() - started
     return planned
 
@@ -208,36 +212,9 @@ def resolved(planned: Planned, setup: Setup, effort: int = 0) -> Planned:
             told = f"{'x'.join(map(str, grid.shape))} positions, with cubics in log f between them"
             items = (*items, Item("resolution", told, "measured", *_both(allowed), time=saved, size=saved))
     items = with_margin(items, plan.tolerance)
-    predicted = _predicted(replace(plan, grid=grid, items=items), build, rate)
+    predicted = seconds(replace(plan, grid=grid, items=items), build, rate)
     new = replace(plan, grid=grid, apart=apart, items=items, predicted=plan.predicted | predicted)
     return Planned(planned.material, new, engine, planned.seconds)
-
-
-def _predicted(plan: Plan, build: float, rate: tuple[float, float]) -> dict[str, float]:
-    """Return the seconds that the table takes, and that of the whole grid without the plan."""
-    if rate == (0.0, 0.0):
-        return {}
-    assert plan.grid is not None
-    assert plan.whole is not None
-    slower = 1.0
-    for item in plan.items:
-        if item.name in ("wavelengths", "bounces", "lobe"):
-            slower /= max(1.0 - item.time, 0.05)
-    planned, whole = (
-        (rate[0] * grid.size + rate[1] * grid.theta_i.size * grid.theta_o.size) * (0.5 if grid.square else 1.0)
-        for grid in (plan.grid, plan.whole)
-    )
-    return {"seconds": build + planned, "seconds_unplanned": slower * (build + whole)}
-
-
-def _bytes(plan: Plan, setup: Setup) -> dict[str, float]:
-    assert plan.grid is not None
-    assert plan.whole is not None
-    channels = 1 if plan.luminance else len(plan.setup().channels)
-    return {
-        "bytes": float(plan.grid.nbytes(channels, plan.dtype)),
-        "bytes_unplanned": float(plan.whole.nbytes(len(setup.channels), plan.dtype)),
-    }
 
 
 def _told(whole: Grid, near: Grid) -> str:
