@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 from brdftab._version import __version__
 from brdftab.errors import FileFormatError, GridError, ParameterError
 from brdftab.grid import Grid
+from brdftab.layout import Layout
 
 FORMAT = "brdftab-table"
 FORMAT_VERSION = 1
 DTYPES = ("float32", "float64")
-# key of files that hold one half of a reciprocal table, pairs with theta_o <= theta_i
-STORED, HALF = "stored", "theta_o <= theta_i"
 
 _CHANNEL = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}|[0-9]{1,9}(\.[0-9]{1,9})?nm")
 _COMPONENT = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,63}")
@@ -201,7 +200,7 @@ class Header:
     dtype: str
     version: str
     provenance: dict[str, Any]
-    half: bool = False
+    layout: Layout
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -210,9 +209,8 @@ class Header:
 
     @property
     def stored_shape(self) -> tuple[int, ...]:
-        """Shape of the arrays in the file: of one half the pairs of polar angles are one dimension."""
-        count = self.grid.theta_i.size
-        return (count * (count + 1) // 2, *self.shape[2:]) if self.half else self.shape
+        """Shape of the arrays in the file."""
+        return self.layout.shape(self.shape, self.channels)
 
     @classmethod
     def parse(cls, metadata: object) -> Header:
@@ -259,11 +257,8 @@ class Header:
             provenance = _plain(metadata["provenance"])
         except (GridError, ParameterError) as error:
             raise FileFormatError(str(error)) from error
-        half = STORED in metadata
-        if half and (metadata[STORED] != HALF or not (grid.isotropic and grid.square)):
-            raise FileFormatError(f"the metadata's {STORED} is not {HALF!r} of a grid with equal polar angles")
-        plain = (metadata["mask"], metadata["dtype"], metadata["version"], provenance, half)
-        head = cls(grid, channels, components, *plain)
+        plain = (metadata["mask"], metadata["dtype"], metadata["version"], provenance)
+        head = cls(grid, channels, components, *plain, Layout.parse(metadata, grid, channels))
         if not channels or metadata["shape"] != list(head.shape):
             raise FileFormatError("the metadata's shape disagrees with its axes and channels")
         return head

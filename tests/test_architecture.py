@@ -18,13 +18,14 @@ LONGEST = 400
 RANKS = {
     "errors": 0, "_version": 0, "jit": 0, "memory": 0,
     "directions": 1, "axes": 1,
-    "materials": 2, "grid": 2, "table": 2, "measurement": 2, "io": 2, "models": 2,
+    "materials": 2, "grid": 2, "layout": 2, "table": 2, "measurement": 2, "io": 2, "models": 2,
 }  # fmt: skip
 WORK, CLI = 3, 4
 # within rank 2 the arrows still point one way
 FORBIDDEN = {
     "materials": {"grid", "table", "io", "models"},
-    "grid": {"table", "measurement", "io", "models", "materials", "jit"},
+    "layout": {"table", "measurement", "io", "models", "materials", "jit"},
+    "grid": {"layout", "table", "measurement", "io", "models", "materials", "jit"},
     "table": {"measurement", "io", "models", "materials", "jit"},
     "measurement": {"io", "models", "materials", "jit"},
     "io": {"models", "materials", "jit"},

@@ -1,4 +1,4 @@
-"""Files that hold one half of a reciprocal table: the same bits come back, in half the bytes."""
+"""Files without what is equal: one half of a reciprocal table, channels. The same bits come back, of fewer bytes."""
 
 import json
 import re
@@ -9,8 +9,9 @@ import pytest
 
 import brdftab
 from brdftab.errors import FileFormatError
+from brdftab.layout import HALF, SAME, STORED, Layout, equal_channels
 from brdftab.scene import carry_out, parse, plan_material
-from brdftab.table import HALF, STORED, Table
+from brdftab.table import Table
 
 KEYS = {"model": "smith", "grid": "16x16x40", "parameters": {"alpha": 0.4, "material": "Cu"}}
 
@@ -76,6 +77,49 @@ def test_other_tables_are_stored_whole(more, tmp_path):
     brdftab.write(made, tmp_path / "t.npz")
     with np.load(tmp_path / "t.npz", allow_pickle=False) as archive:
         assert archive["values"].shape == made.shape
+
+
+def test_equal_channels_are_stored_once(tmp_path):
+    keys = {"model": "oren-nayar", "grid": "12x12x20", "theta_i": [0, 60], "parameters": {"kd": [0.8, 0.3, 0.8]}}
+    planned = plan_material(parse({"material": [keys]}).materials[0])
+    (item,) = [i for i in planned.plan.items if i.name == "channels"]
+    assert (item.kind, item.told) == ("exact", "B is equal to R: stored once")
+    assert item.size == pytest.approx(1.0 / 3.0)
+    made = carry_out(planned)
+    assert made.channels == ("R", "G", "B")
+    brdftab.write(made, tmp_path / "t.npz")
+    with np.load(tmp_path / "t.npz", allow_pickle=False) as archive:
+        assert archive["values"].shape == (*made.shape[:-1], 2)
+        assert archive["values"].nbytes == pytest.approx(planned.plan.predicted["bytes"])
+        told = json.loads(str(archive["metadata"]))
+        arrays = dict(archive)
+    assert told[SAME] == {"B": "R"}
+    brdftab.write(made, tmp_path / "t.exr")
+    with OpenEXR.File(str(tmp_path / "t.exr"), separate_channels=True) as file:
+        assert sorted(file.channels()) == ["G", "R"]
+    for name in ("t.npz", "t.exr"):
+        assert brdftab.read(tmp_path / name).values.tobytes() == made.values.tobytes()
+    for damage in ({"B": "X"}, {"R": "B"}, {"G": "R", "B": "G"}, ["B"]):
+        np.savez(
+            tmp_path / "bad.npz",
+            allow_pickle=False,
+            **(arrays | {"metadata": np.array(json.dumps(told | {SAME: damage}))}),
+        )
+        with pytest.raises(FileFormatError, match="the metadata's same_channels does not name stored channels"):
+            brdftab.read(tmp_path / "bad.npz")
+
+
+def test_layouts_pack_both_at_once():
+    rng = np.random.default_rng(0)
+    array = rng.random((4, 4, 3, 3))
+    array += array.swapaxes(0, 1)
+    array[..., 2] = array[..., 0]
+    names = ("R", "G", "B")
+    layout = Layout(True, equal_channels([array], names))
+    packed = layout.packed(array, names)
+    assert packed.shape == layout.shape(array.shape, names) == (10, 3, 2)
+    assert np.array_equal(layout.unpacked(packed, array.shape, names), array)
+    assert equal_channels([array, rng.random(array.shape)], names) == {}
 
 
 def test_halves_that_differ_are_both_stored(table, tmp_path):

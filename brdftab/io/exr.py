@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 from brdftab.errors import FileFormatError
 from brdftab.io import text
 from brdftab.io.exr_header import FLOAT, UINT, ExrHeader, read_header
-from brdftab.io.half import is_half, metadata, packed, unpacked
+from brdftab.io.planned import layout_of
 from brdftab.io.quiet import quiet
+from brdftab.layout import Layout
 from brdftab.table import Header, Table
 
 ATTRIBUTE = "brdftab"
@@ -40,12 +41,12 @@ def write(table: Table, path: Path) -> None:
     path : Path
         A temporary file; `brdftab.io.write` moves it into place.
     """
-    half = is_half(table)
-    channels = {name: OpenEXR.Channel(name, pixels) for name, pixels in _layers(table, half)}
+    layout = layout_of(table)
+    channels = {name: OpenEXR.Channel(name, pixels) for name, pixels in _layers(table, layout)}
     header = {
         "type": OpenEXR.scanlineimage,
         "compression": OpenEXR.NO_COMPRESSION,
-        ATTRIBUTE: text.dump(metadata(table, half)),
+        ATTRIBUTE: text.dump(table.metadata() | layout.to_json()),
     }
     try:
         OpenEXR.File([OpenEXR.Part(header, channels, PART)]).write(str(path))
@@ -72,7 +73,7 @@ def read(path: Path) -> Table:
         Where the file is damaged or is not a brdftab table.
     """
     exr = read_header(path, ATTRIBUTE)
-    head, told = text.load(exr.text)
+    head, metadata = text.load(exr.text)
     _check_layout(exr, head)
     try:
         with quiet(), OpenEXR.File(str(path), separate_channels=True) as file:
@@ -88,15 +89,15 @@ def read(path: Path) -> Table:
             raise FileFormatError(f"the EXR's layer {name} is damaged")
     values = _gather(pixels, head, "")
     components = {name: _gather(pixels, head, f"{name}.") for name in head.components}
-    return Table.from_parts(values, components, _gather_mask(pixels, head), told)
+    return Table.from_parts(values, components, _gather_mask(pixels, head), metadata)
 
 
-def _layers(table: Table, half: bool) -> Iterator[tuple[str, NDArray[Any]]]:
+def _layers(table: Table, layout: Layout) -> Iterator[tuple[str, NDArray[Any]]]:
     """Yield name and pixels, shape (rows, columns), of every layer."""
-    columns = table.grid.shape[-1]
+    columns, kept = table.grid.shape[-1], layout.kept(table.channels)
     for prefix, array in (("", table.values), *((f"{name}.", a) for name, a in table.components.items())):
-        flat = packed(array, half).reshape(-1, columns, len(table.channels))
-        for c, channel in enumerate(table.channels):
+        flat = layout.packed(array, table.channels).reshape(-1, columns, len(kept))
+        for c, channel in enumerate(kept):
             plane = np.ascontiguousarray(flat[:, :, c])
             with np.errstate(over="ignore", under="ignore", invalid="ignore"):
                 # beyond float32 the viewable copy is infinite; the words below stay exact
@@ -106,8 +107,8 @@ def _layers(table: Table, half: bool) -> Iterator[tuple[str, NDArray[Any]]]:
                 yield f"{prefix}{_HI}.{channel}", (words >> np.uint64(32)).astype(np.uint32)
                 yield f"{prefix}{_LO}.{channel}", (words & np.uint64(0xFFFFFFFF)).astype(np.uint32)
     if table.mask is not None:
-        flat = packed(table.mask, half).reshape(-1, columns, len(table.channels))
-        for c, channel in enumerate(table.channels):
+        flat = layout.packed(table.mask, table.channels).reshape(-1, columns, len(kept))
+        for c, channel in enumerate(kept):
             yield f"{_MASK}.{channel}", np.ascontiguousarray(flat[:, :, c]).astype(np.uint32)
 
 
@@ -115,12 +116,12 @@ def _expected(head: Header) -> dict[str, int]:
     """Return name -> pixel type of the layers that the metadata calls for."""
     kinds: dict[str, int] = {}
     for prefix in ("", *(f"{name}." for name in head.components)):
-        for channel in head.channels:
+        for channel in head.layout.kept(head.channels):
             kinds[f"{prefix}{channel}"] = FLOAT
             if head.dtype == "float64":
                 kinds |= {f"{prefix}{_HI}.{channel}": UINT, f"{prefix}{_LO}.{channel}": UINT}
     if head.mask:
-        kinds |= {f"{_MASK}.{channel}": UINT for channel in head.channels}
+        kinds |= {f"{_MASK}.{channel}": UINT for channel in head.layout.kept(head.channels)}
     return kinds
 
 
@@ -139,7 +140,7 @@ def _check_layout(exr: ExrHeader, head: Header) -> None:
 def _gather(pixels: dict[str, NDArray[Any]], head: Header, prefix: str) -> NDArray[Any]:
     """Assemble the array of values or of a component, shape of the table, in the JSON's order of channels."""
     array = np.empty(head.stored_shape, dtype=head.dtype)
-    for c, channel in enumerate(head.channels):
+    for c, channel in enumerate(head.layout.kept(head.channels)):
         if head.dtype == "float64":
             words = pixels[f"{prefix}{_HI}.{channel}"].astype(np.uint64) << np.uint64(32)
             words |= pixels[f"{prefix}{_LO}.{channel}"]
@@ -147,7 +148,7 @@ def _gather(pixels: dict[str, NDArray[Any]], head: Header, prefix: str) -> NDArr
         else:
             plane = pixels[f"{prefix}{channel}"]
         array[..., c] = plane.reshape(head.stored_shape[:-1])
-    return unpacked(array, head)
+    return head.layout.unpacked(array, head.shape, head.channels)
 
 
 def _gather_mask(pixels: dict[str, NDArray[Any]], head: Header) -> NDArray[np.bool_] | None:
@@ -155,9 +156,9 @@ def _gather_mask(pixels: dict[str, NDArray[Any]], head: Header) -> NDArray[np.bo
     if not head.mask:
         return None
     mask = np.empty(head.stored_shape, dtype=bool)
-    for c, channel in enumerate(head.channels):
+    for c, channel in enumerate(head.layout.kept(head.channels)):
         plane = pixels[f"{_MASK}.{channel}"]
         if (plane > 1).any():
             raise FileFormatError("the EXR's mask holds numbers other than 0 and 1")
         mask[..., c] = plane.reshape(head.stored_shape[:-1]) != 0
-    return unpacked(mask, head)
+    return head.layout.unpacked(mask, head.shape, head.channels)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from brdftab.errors import FileFormatError
 from brdftab.io import text
-from brdftab.io.half import is_half, metadata, packed, unpacked
+from brdftab.io.planned import layout_of
 from brdftab.table import Table
 
 _METADATA = "metadata"
@@ -37,15 +37,15 @@ def write(table: Table, path: Path) -> None:
     path : Path
         A temporary file; `brdftab.io.write` moves it into place.
     """
-    half = is_half(table)
-    arrays: dict[str, NDArray[Any]] = {"values": packed(table.values, half)}
+    layout, names = layout_of(table), table.channels
+    arrays: dict[str, NDArray[Any]] = {"values": layout.packed(table.values, names)}
     arrays |= table.grid.axes
     arrays |= {f"{name}_edges": edges for name, edges in table.grid.edges.items()}
-    arrays |= {_COMPONENT + name: packed(array, half) for name, array in table.components.items()}
+    arrays |= {_COMPONENT + name: layout.packed(array, names) for name, array in table.components.items()}
     if table.mask is not None:
-        arrays["mask"] = packed(table.mask, half)
+        arrays["mask"] = layout.packed(table.mask, names)
     arrays = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
-    arrays[_METADATA] = np.array(text.dump(metadata(table, half)))
+    arrays[_METADATA] = np.array(text.dump(table.metadata() | layout.to_json()))
     with open(path, "wb") as file:
         np.savez(file, allow_pickle=False, **arrays)
 
@@ -88,7 +88,7 @@ def _read(archive: zipfile.ZipFile) -> Table:
         members[info.filename] = info
     if f"{_METADATA}.npy" not in members:
         raise FileFormatError("the zip archive holds no metadata array, so it is not a brdftab table")
-    head, told = text.load(_text(archive, members[f"{_METADATA}.npy"]))
+    head, metadata = text.load(_text(archive, members[f"{_METADATA}.npy"]))
     names = ["values", *(_COMPONENT + name for name in head.components)]
     wanted = {name: (head.dtype, head.stored_shape) for name in names}
     if head.mask:
@@ -103,9 +103,10 @@ def _read(archive: zipfile.ZipFile) -> Table:
     for name, axis in (*head.grid.axes.items(), *((f"{n}_edges", e) for n, e in head.grid.edges.items())):
         if arrays[name].tobytes() != axis.tobytes():
             raise FileFormatError(f"the NPZ's array {name} disagrees with its metadata")
-    whole = {name: unpacked(arrays[name], head) for name in (*names, *(["mask"] if head.mask else []))}
+    held = (*names, *(["mask"] if head.mask else []))
+    whole = {name: head.layout.unpacked(arrays[name], head.shape, head.channels) for name in held}
     components = {name: whole[_COMPONENT + name] for name in head.components}
-    return Table.from_parts(whole["values"], components, whole.get("mask"), told)
+    return Table.from_parts(whole["values"], components, whole.get("mask"), metadata)
 
 
 def _head(stream: IO[bytes], name: str) -> tuple[tuple[int, ...], bool, np.dtype[Any], int]:

@@ -34,7 +34,12 @@ def stored(plan: Plan, setup: Setup) -> dict[str, float]:
     assert plan.grid is not None
     assert plan.whole is not None
     channels = 1 if plan.luminance else len(plan.setup().channels)
-    share = half_of(plan.grid) if any(item.name == "reciprocity" for item in plan.items) else 1.0
+    share = 1.0
+    for item in plan.items:
+        if item.name == "reciprocity":
+            share *= half_of(plan.grid)
+        elif item.name == "channels" and channels > 1:
+            share *= 1.0 - item.size
     return {
         "bytes": share * plan.grid.nbytes(channels, plan.dtype),
         "bytes_unplanned": float(plan.whole.nbytes(len(setup.channels), plan.dtype)),

@@ -15,6 +15,7 @@ from brdftab.engine import Engine
 from brdftab.errors import ParameterError
 from brdftab.evaluation import ORDERS, is_stochastic, singular_setup
 from brdftab.grid import Grid
+from brdftab.layout import equal_channels as equal_in_bits
 from brdftab.materials.fresnel import metal
 from brdftab.models.setup import Setup, resolve
 from brdftab.scene.plan import SHARES, Item, once
@@ -94,6 +95,24 @@ def equal_channels(setup: Setup, material: Material, probes: Probes | None, tole
     return single, Item("channels", told, "exact", size=1.0 - 1.0 / len(setup.channels), time=0.0)
 
 
+def some_channels(setup: Setup, material: Material, probes: Probes, tolerance: float) -> Found:
+    """Store channels once that are equal to others."""
+    lists = [
+        value
+        for param in setup.model.params
+        if param.kind == "channels" and isinstance(value := setup.parameters.get(param.name), list)
+    ]
+    pairs = list(zip(*lists, strict=True)) if len(setup.channels) > 1 else []
+    if material.quantity == "luminance" or len(set(pairs)) == len(pairs):
+        return None
+    values, _ = probes.values(setup, EXACT * tolerance)
+    same = equal_in_bits([values], setup.channels)
+    if not same:
+        return None
+    told = ", ".join(f"{name} is equal to {other}" for name, other in same.items())
+    return setup, Item("channels", f"{told}: stored once", "exact", size=len(same) / len(setup.channels))
+
+
 def fewer_wavelengths(setup: Setup, material: Material, probes: Probes | None, tolerance: float) -> Found:
     """Take as few wavelengths behind RGB as the tolerance allows."""
     if setup.fresnel is None or setup.fresnel.spectral_error == 0.0 or material.wavelengths:
@@ -167,7 +186,7 @@ def _short(value: Any) -> str:
     return ",".join(f"{v:g}" for v in np.atleast_1d(np.asarray(value, dtype=float)))
 
 
-STEPS: tuple[Step, ...] = (equal_channels, fewer_wavelengths, fewer_lobes, fewer_bounces)
+STEPS: tuple[Step, ...] = (equal_channels, fewer_wavelengths, fewer_lobes, fewer_bounces, some_channels)
 
 
 def reduced(setup: Setup, material: Material, probes: Probes, tolerance: float) -> tuple[Setup, list[Item], bool]:
