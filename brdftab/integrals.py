@@ -144,10 +144,10 @@ def directional(engine: Engine, theta_i: float, phi_i: float = 0.0, nodes: int =
             return own
     theta_o, phi, weight = half_vector_nodes(engine.setup, theta_i, phi_i, nodes)
     if engine.layers == 1 and hasattr(module, "smooth_albedo"):
-        smooth = module.smooth_albedo(engine.setup, theta_i, engine.tolerance)
+        smooth = module.smooth_albedo(engine.setup, theta_i, phi_i, engine.tolerance)
         if smooth is not None:
             pairs = (np.full_like(theta_o, theta_i), theta_o, phi, np.full_like(theta_o, phi_i))
-            return (weight @ module.specular_points(engine.setup, *pairs) + smooth)[None]
+            return (weight @ module.specular_points(engine.setup, *pairs, engine.tolerance) + smooth)[None]
     values = engine.points(np.full_like(theta_o, theta_i), theta_o, phi, np.full_like(theta_o, phi_i))
     return np.einsum("n,npc->pc", weight, values)
 

@@ -13,7 +13,9 @@ import brdftab
 from brdftab import models
 from brdftab.engine import Engine
 from brdftab.errors import ParameterError
+from brdftab.integrals import directional, half_vector_nodes
 from brdftab.models.ilm import choice, fixed
+from brdftab.models.ilm.albedo import smooth_albedo
 from brdftab.models.ilm.kernel import errors
 from brdftab.models.microfacet.gaussian import gaussian_density, gaussian_norm
 from brdftab.models.microfacet.interface import (
@@ -286,6 +288,19 @@ def test_without_interface_it_is_near_oren_nayar(sigma, least, most):
 
 
 # ---------------------------------------------------------------- energy
+
+
+@pytest.mark.parametrize("given", [{"sigma_x": 0.3, "sigma_y": 0.5}, {"sigma_x": 0.1, "sigma_y": 2.0, "ndf": "ggx"}])
+def test_albedos_with_a_grain_are_those_of_all_points(given):
+    """Mirrors on half vectors with the body on a product rule, against everything on half vectors."""
+    setup = resolve("ilm", kd=0.9, masking="smith", **given)
+    engine, theta, az = Engine(setup, 1e-4), 0.9, 0.4
+    to, phi, weight = half_vector_nodes(setup, theta, az, 6)
+    values = engine.points(np.full_like(to, theta), to, phi, np.full_like(to, az))[:, 0, 0]
+    body = smooth_albedo(setup, theta, az, 1e-4)
+    assert 0.1 < body[0] < 0.9
+    # measured 2e-13 and 1.1e-6
+    assert abs(directional(engine, theta, az, 6)[0, 0] - weight @ values) < 2e-6
 
 
 def test_single_bounces_leave_the_energy_of_figure_7():

@@ -207,6 +207,13 @@ def test_albedos_of_white_bodies_are_one_up_to_grazing_light(ndf, sigma, n):
     np.testing.assert_allclose(found, 1.0, rtol=0.0, atol=1e-4)
 
 
+def test_albedos_of_white_bodies_with_a_grain_are_one():
+    theta = np.radians([0.0, 45.0, 80.0, 88.0])
+    given = {"sigma_x": 0.2, "sigma_y": 0.8, "ior": 2.0, "kd": 1.0, "bounces": "inf"}
+    # measured 4.7e-5
+    np.testing.assert_allclose(brdftab.albedo("ilm", theta, **given), 1.0, rtol=0.0, atol=1e-4)
+
+
 def test_finer_rules_converge():
     a, b, phi, az = directions(30)
     setup = resolve("ilm", sigma=1.0, bounces="inf", kd=1.0)

@@ -121,8 +121,8 @@ class Subject:
         return getattr(self.own, name, default)
 
     def is_dear(self, setup: Setup) -> bool:
-        """Tell whether albedos of a setup are dear, so that one light has to do."""
-        return (self.fast or self.said("DEAR", False)) and not (setup.isotropic or setup.model.grain)
+        """Tell whether one light has to do for albedos of a setup: in fast checks of what has two roughnesses."""
+        return self.fast and not (setup.isotropic or setup.model.grain)
 
     @property
     def tolerance(self) -> float:

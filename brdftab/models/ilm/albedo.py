@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.models.ilm.bulk import Bodies
+from brdftab.models.ilm.cavity import points_interreflection
 from brdftab.models.ilm.cavity_energy import albedo_of_bodies, albedo_of_mirrors
 from brdftab.models.ilm.rings import gauss
+from brdftab.models.ilm.single import parts
 from brdftab.models.ilm.table import CAVITY_LEVELS, SMITH_LEVELS
 from brdftab.models.microfacet.interface import body_factor
 from brdftab.models.microfacet.masking import smith_lambda
@@ -21,10 +23,12 @@ from brdftab.models.setup import Setup
 Array = NDArray[np.float64]
 # polar angles and azimuths of the view; albedos come out to about 1e-4
 POLAR, AROUND = 32, 24
+# azimuths of bodies with a grain: 1.1e-5 of the albedo at roughnesses up to a thousand times apart, 24 leave 1.1e-4
+AZIMUTHS = 48
 
 
-def smooth_albedo(setup: Setup, theta: float, tolerance: float) -> Array | None:
-    """Return the albedo (C,) of everything but single mirror reflections, or None where only points serve.
+def smooth_albedo(setup: Setup, theta: float, phi: float, tolerance: float) -> Array | None:
+    """Return the albedo (C,) of everything but `specular_points`, or None where only points serve.
 
     Parameters
     ----------
@@ -32,11 +36,15 @@ def smooth_albedo(setup: Setup, theta: float, tolerance: float) -> Array | None:
         Of ilm.
     theta : float
         Polar angle of the light, radians in [0, pi/2).
+    phi : float
+        Its azimuth, radians.
     tolerance : float
         Relative error asked; the rule itself ends near 1e-4.
     """
-    if not setup.isotropic or setup.alpha_x == 0.0 or tolerance < 9e-5:
+    if setup.alpha_x == 0.0 or tolerance < 9e-5:
         return None
+    if not setup.isotropic:
+        return _all_around(setup, theta, phi, tolerance)
     found = _single(setup, theta, tolerance)
     if setup.max_bounces != 1:
         light = np.array([theta])
@@ -44,14 +52,30 @@ def smooth_albedo(setup: Setup, theta: float, tolerance: float) -> Array | None:
     return found
 
 
+def _views() -> tuple[Array, Array]:
+    """Return polar angles of the view, crowded towards the horizon, and their weights times cosine and sine."""
+    x, w = gauss(POLAR)
+    view = 0.5 * math.pi * (1.0 - x * x)
+    return view, math.pi * x * w * np.cos(view) * np.sin(view)
+
+
+def _all_around(setup: Setup, theta: float, phi: float, tolerance: float) -> Array:
+    """Return the albedo (C,) of bodies with a grain and of light between facets, point by point."""
+    view, weight = _views()
+    steps = 2.0 * math.pi * (np.arange(AZIMUTHS) + 0.5) / AZIMUTHS
+    to, dp = (a.reshape(-1) for a in np.meshgrid(view, steps, indexing="ij"))
+    angles = (np.full_like(to, theta), to, dp, np.full_like(to, phi))
+    values = parts(setup, angles, tolerance)[1]
+    if setup.max_bounces != 1:
+        values = values + points_interreflection(setup, *angles, tolerance)[0]
+    return 2.0 * math.pi / AZIMUTHS * np.einsum("v,vac->c", weight, values.reshape(POLAR, AZIMUTHS, -1))
+
+
 def _single(setup: Setup, theta: float, tolerance: float) -> Array:
     """Return the albedo (C,) of the bodies of single bounces."""
     assert setup.fresnel is not None
-    x, w = gauss(POLAR)
-    # crowded towards the horizon
-    view, weight = 0.5 * math.pi * (1.0 - x * x), math.pi * x * w
+    view, weight = _views()
     a, wa = gauss(AROUND)
-    weight = weight * np.cos(view) * np.sin(view)
     cavity = setup.values["masking"] == "torrance-sparrow"
     levels = CAVITY_LEVELS if cavity else tuple((least, (*fine, 0, 0), rough) for least, fine, rough in SMITH_LEVELS)
     sizes = next(fine for least, fine, _ in levels if tolerance >= 0.999 * least or least == levels[-1][0])

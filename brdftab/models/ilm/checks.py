@@ -2,8 +2,6 @@
 
 # the body is an integral, and a cavity a system of equations
 TOLERANCE = 1e-5
-# an albedo of an anisotropic body takes a minute
-DEAR = True
 THIN = {"fast": 14, "full": 3}
 DIRECTIONS = {"fast": 6, "full": 2}
 SCANS = {"fast": 1, "full": 3}

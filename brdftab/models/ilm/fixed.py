@@ -9,8 +9,8 @@ import numpy as np
 
 from brdftab.jit import kernel, parallel_kernel
 from brdftab.models.ilm.body import integrand
-from brdftab.models.ilm.kernel import masked, specular_points
 from brdftab.models.ilm.rules import polar_nodes
+from brdftab.models.ilm.single import masked, specular
 from brdftab.models.microfacet.gaussian import gaussian_norm
 from brdftab.models.microfacet.interface import body_factor
 from brdftab.models.microfacet.masking import SEPARABLE
@@ -59,7 +59,7 @@ def points(
     """Evaluate single bounces (N, C) in 1/sr with the twin's nodes for a tolerance; angles (N,) in radians."""
     assert setup.fresnel is not None
     angles = (theta_i, theta_o, phi, phi_i)
-    out = specular_points(setup, *angles)
+    out = specular(setup, *angles)
     cavity = setup.values["masking"] == "torrance-sparrow"
     surface = (setup.ndf, setup.alpha_x, setup.alpha_y)
     nodes = polar_nodes(setup.ndf, tolerance)

@@ -87,7 +87,7 @@ def findings(subject: Subject) -> Iterator[Finding]:
     """Draw samples at three lights for a choice of the settings."""
     count = 1 << (12 if subject.fast else 14)
     for probe in subject.some(3 if subject.fast else 16):
-        for theta in LIGHTS[1:2] if subject.fast or subject.is_dear(probe.setup) else LIGHTS:
+        for theta in LIGHTS[1:2] if subject.fast else LIGHTS:
             # the seed of estimators has the name of the sampler's own
             given = {k: v for k, v in probe.setup.parameters.items() if k != "seed"}
             drawn = sample(subject.model, theta, count, phi_i=AZIMUTH, seed=1, **given)
