@@ -138,7 +138,7 @@ def test_fine_grids_of_four_axes_lose_positions_and_keep_the_promise(model, para
 
 
 def test_an_effort_that_fails_starts_from_all_positions():
-    from brdftab.scene.carry import finer, plain
+    from brdftab.scene.retries import finer, plain
 
     one = material(
         model="smith", parameters={"alpha_x": 0.5, "alpha_y": 0.8, "f0": 0.5}, grid="36x36x36x36",

@@ -18,8 +18,8 @@ from brdftab.scene.resolution import AROUND, Kept, bent, slab, spread, with_mirr
 
 # positions of each axis that lines along the others cross; views at the mirror side of the lights come on top
 CROSSED = {"theta_i": 5, "theta_o": 9, "phi_i": 4, "phi_o": 5}
-# axes share what interpolation may cost; a part is kept back
-AXES = 4.0
+# errors of the axes add up to less than they may: .26 of the promise at most in 68 tables of 300 random ones thinned
+AXES = 2.0
 # slabs of a coarse grid would hold much of it, and leave little to save
 MOST = 0.2
 

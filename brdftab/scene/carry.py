@@ -21,9 +21,10 @@ from brdftab.models.setup import LUMINANCE, Setup, resolve
 from brdftab.provenance import machine
 from brdftab.scene import albedo
 from brdftab.scene.lookup import interpolate
-from brdftab.scene.plan import Item, Plan, Planned, added_up
-from brdftab.scene.planner import probes, resolved, with_margin
+from brdftab.scene.plan import Plan, Planned, added_up
+from brdftab.scene.probes import probes
 from brdftab.scene.resolution import largest_error
+from brdftab.scene.retries import as_it_is, finer, is_doubtful, is_everywhere, plain, unfolded
 from brdftab.scene.zones import engine as engine_of
 from brdftab.stochastic import LAYER
 from brdftab.table import Table
@@ -196,9 +197,9 @@ def carry_out(planned: Planned, progress: Progress | None = None) -> Table | Alb
         if plan.symmetric and error["away_from_mirror"] > plan.cell_error:
             # positions on the edges of a model's bins: rounding alone decides, and reflections are not the same
             continue
-        if not any(map(_doubtful, plan.items)):
+        if not any(map(is_doubtful, plan.items)):
             break
-        if error["away_from_mirror"] <= allowed and not any(map(_everywhere, plan.items)):
+        if error["away_from_mirror"] <= allowed and not any(map(is_everywhere, plan.items)):
             # more positions do not mend averages
             break
     setup: Setup = plan.setup()
@@ -217,52 +218,6 @@ def carry_out(planned: Planned, progress: Progress | None = None) -> Table | Alb
         "machine": machine(),
     }
     return table
-
-
-def _doubtful(item: Item) -> bool:
-    """Tell whether an item rests on probes and can be given up."""
-    return item.kind == "measured" and item.name != "rules"
-
-
-def _everywhere(item: Item) -> bool:
-    """Tell whether giving up an item can change averages at the mirror direction, too."""
-    return _doubtful(item) and item.name != "resolution"
-
-
-def as_it_is(planned: Planned) -> Planned:
-    """Return the plan."""
-    return planned
-
-
-def finer(planned: Planned) -> Planned:
-    """Return the plan with more positions, where it left some out."""
-    if not any(item.name == "resolution" for item in planned.plan.items):
-        return planned
-    return resolved(planned, planned.plan.setup(), 1)
-
-
-def plain(planned: Planned) -> Planned:
-    """Return the plan with only what costs nothing left out."""
-    plan = planned.plan
-    setup = plan.setup()
-    given = plan.given
-    if len(setup.channels) < len(resolve(plan.model, **given).channels) and not plan.luminance:
-        # equal channels stay one
-        given = {
-            name: plan.parameters.get(name, value) if isinstance(value, list) else value
-            for name, value in given.items()
-        }
-    items = with_margin(tuple(item for item in plan.items if not _doubtful(item)), plan.tolerance)
-    new = replace(plan, parameters=given, grid=plan.folded, apart=0, zones=(), items=items)
-    return Planned(planned.material, new, None, planned.seconds)
-
-
-def unfolded(planned: Planned) -> Planned:
-    """Return the plan with every azimuth of the light."""
-    plan = planned.plan
-    items = with_margin(tuple(item for item in plan.items if item.name != "symmetry"), plan.tolerance)
-    new = replace(plan, grid=plan.full, symmetric=False, items=items)
-    return Planned(planned.material, new, planned.engine, planned.seconds)
 
 
 def repeat(table: Table) -> Table:

@@ -19,7 +19,8 @@ from brdftab.scene.angles import quarter, reached
 from brdftab.scene.azimuths import keep_azimuths
 from brdftab.scene.plan import SHARES, Item, Plan, Planned
 from brdftab.scene.predict import half_of, seconds, stored
-from brdftab.scene.reduce import Probes, reduced
+from brdftab.scene.probes import probes
+from brdftab.scene.reduce import reduced
 from brdftab.scene.resolution import keep
 from brdftab.scene.scene import Material, Scene
 from brdftab.scene.zones import engine as engine_of
@@ -33,46 +34,6 @@ NOISE = 0.2
 # what interpolation may cost as a share of what it is granted, and how many times as many lines are looked at, at first
 # and where a check fails; edges between the lines are not seen, and kinked models have them
 EFFORTS = {False: ((0.5, 1), (0.25, 6)), True: ((0.25, 6), (0.12, 9))}
-
-
-def probes(grid: Grid, floor: float, count: int, seed: int) -> Probes:
-    """Return seeded pairs of directions at positions of a grid; few polar angles, a third near the mirror direction."""
-    rng = np.random.default_rng(seed)
-    inner = [
-        np.unique(np.concatenate([[0, n - 1], rng.integers(0, n, 8)])) for n in (grid.theta_i.size, grid.theta_o.size)
-    ]
-    ti = grid.theta_i[rng.choice(inner[0], count)]
-    to = grid.theta_o[rng.choice(inner[1], count)]
-    third = count // 3
-    to[:third] = grid.theta_o[np.searchsorted(grid.theta_o, ti[:third]).clip(0, grid.theta_o.size - 1)]
-    if grid.phi is not None:
-        phi = grid.phi[rng.integers(0, grid.phi.size, count)]
-        late = np.minimum(rng.geometric(0.2, third), grid.phi.size)
-        phi[:third] = grid.phi[grid.phi.size - late]
-        return _without_mirror(Probes(ti, to, phi, np.zeros(count), floor, grid), grid)
-    assert grid.phi_i is not None
-    assert grid.phi_o is not None
-    pi_, po = (a[rng.integers(0, a.size, count)] for a in (grid.phi_i, grid.phi_o))
-    return _without_mirror(Probes(ti, to, po - pi_, pi_, floor, grid), grid)
-
-
-def _without_mirror(found: Probes, grid: Grid) -> Probes:
-    """Leave out pairs whose cell holds the mirror direction: it may hold an average instead of a value."""
-    cells = np.ravel_multi_index(tuple(grid.mirror_cells().T), grid.shape)
-    angles = _at(found, grid)
-    place = tuple(np.searchsorted(grid.axes[name], angles[name]) for name in grid.axis_names)
-    kept = ~np.isin(np.ravel_multi_index(place, grid.shape), cells)
-    return Probes(found.theta_i[kept], found.theta_o[kept], found.phi[kept], found.phi_i[kept], found.floor, grid)
-
-
-def _at(found: Probes, grid: Grid) -> dict[str, Array]:
-    """Return the pairs' positions by axis, a hair below so that a search finds the position itself."""
-    if grid.isotropic:
-        angles = {"theta_i": found.theta_i, "theta_o": found.theta_o, "phi": found.phi}
-    else:
-        phi_o = found.phi + found.phi_i
-        angles = {"theta_i": found.theta_i, "phi_i": found.phi_i, "theta_o": found.theta_o, "phi_o": phi_o}
-    return {name: a - 1e-9 for name, a in angles.items()}
 
 
 def budget(material: Material) -> tuple[float, float]:

@@ -2,77 +2,26 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.cells import mirror_average
-from brdftab.engine import Engine
 from brdftab.errors import ParameterError
-from brdftab.evaluation import ORDERS, is_stochastic, singular_setup
-from brdftab.grid import Grid
+from brdftab.evaluation import ORDERS, is_stochastic
 from brdftab.layout import equal_channels as equal_in_bits
 from brdftab.materials.fresnel import metal
 from brdftab.models.setup import Setup, resolve
-from brdftab.scene.plan import SHARES, Item, once
+from brdftab.scene.plan import SHARES, Item
+from brdftab.scene.probes import EXACT, Probes
 from brdftab.scene.scene import Material
 
 Array = NDArray[np.float64]
 # a stated error is this many times the largest that was measured on the probes
 SAFETY = 3.0
-# cells at the mirror direction among the probes, nodes along each of their coordinates, and how often a cost is timed
-MIRRORS, NODES, TIMED = 6, 3, 3
-# both sides of a comparison are evaluated to this share of the tolerance; their errors are alike
-EXACT = 0.1
 # values without which a lobe is gone
 GONE = (("kd", 0.0), ("ior", 1.0), ("f0", 0.0))
-
-
-@dataclass(frozen=True)
-class Probes:
-    """Pairs of directions (N,) at positions of the full grid, and how errors count there."""
-
-    theta_i: Array
-    theta_o: Array
-    phi: Array
-    phi_i: Array
-    floor: float
-    grid: Grid
-
-    def averages(self, setup: Setup, tolerance: float, orders: int) -> Array:
-        """Return averages (K, P, C) over some cells that hold the mirror direction, where a model is singular."""
-        if singular_setup(setup) is None or self.grid.cell != "center":
-            return np.empty((0, 1, 1))
-        cells = np.asarray(self.grid.mirror_cells()).reshape(-1, len(self.grid.shape))
-        if not len(cells):
-            # no light meets its own mirror direction
-            return np.empty((0, 1, 1))
-        some = cells[np.unique(np.linspace(0, len(cells) - 1, MIRRORS).round().astype(int))]
-        return mirror_average(Engine(setup, tolerance, orders, fast=False), self.grid, some, NODES)
-
-    def values(self, setup: Setup, tolerance: float, orders: int = 0) -> tuple[Array, float]:
-        """Return values (N, P, C) by direct evaluation, and the seconds that it took."""
-        engine = Engine(setup, tolerance, orders, fast=False)
-        once(
-            f"points of {setup.model.name}, {orders}",
-            lambda: engine.points(*(a[:1] for a in (self.theta_i, self.theta_o, self.phi, self.phi_i))),
-        )
-        started = time.perf_counter()
-        found = engine.points(self.theta_i, self.theta_o, self.phi, self.phi_i)
-        return found, time.perf_counter() - started
-
-    def cost(self, setup: Setup, tolerance: float) -> float:
-        """Return the seconds of evaluating all pairs, the least of three: the first may build what others find."""
-        return min(self.values(setup, EXACT * tolerance)[1] for _ in range(TIMED))
-
-    def error(self, found: Array, reference: Array) -> float:
-        """Return the largest difference (N, C), relative to the largest channel or the floor."""
-        scale = np.maximum(np.abs(reference).max(axis=1), self.floor)
-        return float((np.abs(found - reference).max(axis=1) / scale).max(initial=0.0))
 
 
 Found = tuple[Setup, Item] | None

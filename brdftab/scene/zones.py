@@ -14,7 +14,8 @@ from brdftab.grid import Grid
 from brdftab.models.setup import Setup
 from brdftab.scene.angles import part
 from brdftab.scene.plan import SHARES, Item, Plan
-from brdftab.scene.reduce import EXACT, SAFETY, Probes
+from brdftab.scene.probes import EXACT, Probes
+from brdftab.scene.reduce import SAFETY
 
 Array = NDArray[np.float64]
 # (largest polar angle in radians, bounces that are enough where light and view stay within it), steepest first
