@@ -25,6 +25,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import tomllib
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -41,32 +42,9 @@ PATIENCE = 900
 HASTE = 240
 # pairs of directions that plain Python looks at: grazing, near the mirror side, anywhere, and near highlights
 FEW = (1, 2, 3, 5, 7, 10, 15, 18)
-# mutants that change no number that anyone can see: (module, text of the line, before, after) -> why
 EQUIVALENT: dict[tuple[str, str, str, str], str] = {
-    (
-        "brdftab.models.smith_multi.montecarlo.bdpt",
-        "lengths = np.empty(2, dtype=np.int64)",
-        "2",
-        "8",
-    ): "entries beyond the second are never looked at",
-    (
-        "brdftab.models.microfacet.walk.normals",
-        "step = u + gap / slope if slope > 0.0 else high",
-        ">",
-        "<",
-    ): "every step halves the bracket instead: the same root to 1e-9, later",
-    (
-        "brdftab.models.smith_multi.dielectric.table",
-        "value = single_bounce(ndf, alpha, alpha, ti, to, phi[f], 0.0, n)",
-        "0.0",
-        "0.5",
-    ): "the light's azimuth does not matter to facets of one roughness",
-    (
-        "brdftab.models.vgroove_sym.lanes",
-        "lanes[Y_MIN + p] = 1e-300 if ndf == 1 else max(y, 1e-300)",
-        "1e-300",
-        "2e-300",
-    ): "the smallest number that is divided by: the quotient exceeds every order either way",
+    (m["module"], m["line"], m["before"], m["after"]): m["why"]
+    for m in tomllib.loads((ROOT / "benchmarks" / "equivalent_mutants.toml").read_text())["mutant"]
 }
 
 
