@@ -22,7 +22,7 @@ MIRROR_NODES = (7, 11)
 AVERAGE_NODES = (3, 5, 8)
 
 
-def _singular_cells(setup: Setup, grid: Grid) -> NDArray[np.int64]:
+def singular_cells(setup: Setup, grid: Grid) -> NDArray[np.int64]:
     """Return the cells that must hold an average, or refuse point values there."""
     none = np.empty((0, len(grid.shape)), dtype=np.int64)
     if singular_setup(setup) is None:
@@ -116,7 +116,7 @@ class Run:
         averaged: Setup | None = None,
     ) -> None:
         self.setup, self.grid, self.orders = setup, grid, orders
-        self.cells = _singular_cells(averaged or setup, grid)
+        self.cells = singular_cells(averaged or setup, grid)
         self.nodes = 0
         started = time.perf_counter()
         self.engine = engine or Engine(setup, tolerance, orders, fast)

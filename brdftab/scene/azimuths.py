@@ -55,7 +55,7 @@ def keep_azimuths(
     if cells > MOST * grid.size or singular_setup(engine.setup) is not None:
         return Kept(grid, 0, 0.0, 0.0, 0.0)
     few = {name: np.arange(min(2, axis.size)) for name, axis in grid.axes.items()}
-    once(f"fill of {engine.setup.model.name}, four axes", lambda: slab(engine, grid, few, dtype))
+    once(f"fill of {engine.setup.model.name}, 4 axes", lambda: slab(engine, grid, few, dtype))
     started, error, kept = time.perf_counter(), 0.0, {}
     for axis, name in enumerate(grid.axis_names):
         values = slab(engine, grid, {other: index for other, index in crossed.items() if other != name}, dtype)

@@ -22,6 +22,7 @@ from brdftab.provenance import machine
 from brdftab.scene import albedo
 from brdftab.scene.lookup import interpolate
 from brdftab.scene.plan import Plan, Planned, added_up
+from brdftab.scene.predict import mirror_nodes
 from brdftab.scene.probes import probes
 from brdftab.scene.resolution import largest_error
 from brdftab.scene.retries import as_it_is, finer, is_doubtful, is_everywhere, plain, unfolded
@@ -34,12 +35,6 @@ Array = NDArray[np.float64]
 CHECKS = 256
 # the check may find this share of what is promised; a maximum over all cells exceeds one over a few
 PART = 0.33
-# nodes of mirror cells from a tolerance on: with three axes 4 leave up to 2e-4 of a cell, with four axes, whose cells
-# are wide, 6 leave 9e-4, 7 leave 3e-4 and 9 leave 1e-4
-MIRROR_RULES = {
-    True: ((2e-3, 4), (5e-4, MIRROR_NODES[0]), (0.0, MIRROR_NODES[1])),
-    False: ((4e-3, 6), (2e-3, MIRROR_NODES[0]), (0.0, MIRROR_NODES[1])),
-}
 # references ask for this share of the quadratures' own tolerance
 REFERENCE = 0.25
 # standard errors that are stated of estimates with noise
@@ -59,7 +54,7 @@ def filled(plan: Plan, engine: Engine | None, progress: Progress | None = None) 
     # cells that hold averages do so whatever is left out
     whole = resolve(plan.model, **plan.given)
     run = Run(setup, plan.grid, plan.dtype, plan.rules, 0, True, engine or engine_of(setup, plan), whole)
-    run.compute(_mirror_nodes(plan), progress)
+    run.compute(mirror_nodes(plan), progress)
     values = added_up(run.total, plan.luminance)
     channels = ("Y",) if plan.luminance else setup.channels
     provenance: dict[str, Any] = {
@@ -72,12 +67,6 @@ def filled(plan: Plan, engine: Engine | None, progress: Progress | None = None) 
     # plain JSON already
     table.provenance["plan"] = plan.to_json()
     return table, run
-
-
-def _mirror_nodes(plan: Plan) -> int:
-    """Return the nodes along each coordinate of a cell that holds the mirror direction."""
-    assert plan.grid is not None
-    return next(nodes for least, nodes in MIRROR_RULES[plan.grid.isotropic] if plan.tolerance >= least)
 
 
 def drawn(plan: Plan, progress: Progress | None = None) -> Table:
@@ -154,7 +143,7 @@ def _mirror_cells(table: Table, plan: Plan, setup: Setup) -> tuple[Array, Array,
     some = cells[np.unique(np.linspace(0, len(cells) - 1, MIRRORS).round().astype(int))]
     engine = Engine(setup, REFERENCE * plan.rules, fast=False)
     # other nodes than the table's own, where finer ones than the finest would take long
-    nodes = min(_mirror_nodes(plan) + 1, MIRROR_NODES[0] + 1)
+    nodes = min(mirror_nodes(plan) + 1, MIRROR_NODES[0] + 1)
     reference = added_up(mirror_average(engine, plan.full, some, nodes)[:, 0], plan.luminance)
     ti, to, phi, az = cell_angles(plan.full, some)
     found = interpolate(table, ti, to, phi, phi_i=az)

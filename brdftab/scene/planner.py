@@ -21,7 +21,7 @@ from brdftab.scene.plan import SHARES, Item, Plan, Planned
 from brdftab.scene.predict import half_of, seconds, stored
 from brdftab.scene.probes import probes
 from brdftab.scene.reduce import reduced
-from brdftab.scene.resolution import keep
+from brdftab.scene.resolution import keep, pace
 from brdftab.scene.scene import Material, Scene
 from brdftab.scene.zones import engine as engine_of
 from brdftab.scene.zones import fewer_near_the_normal
@@ -172,8 +172,10 @@ def resolved(planned: Planned, setup: Setup, effort: int = 0) -> Planned:
             apart, saved = found.apart, _saved(before.size, grid.size)
             told = f"{'x'.join(map(str, grid.shape))} positions, with cubics in log f between them"
             items = (*items, Item("resolution", told, "measured", *_both(allowed), time=saved, size=saved))
+    if rate == (0.0, 0.0):
+        rate = (pace(engine, plan.folded, plan.dtype), 0.0)
     items = with_margin(items, plan.tolerance)
-    predicted = seconds(replace(plan, grid=grid, items=items), build, rate)
+    predicted = seconds(engine, replace(plan, grid=grid, items=items), build, rate)
     new = replace(plan, grid=grid, apart=apart, items=items, predicted=plan.predicted | predicted)
     return Planned(planned.material, new, engine, planned.seconds)
 

@@ -31,6 +31,8 @@ AXES = 4.0
 # lines that the choice looks at: at each position those that bend most, a few more at random
 BENT, MORE = 2, 32
 AROUND = ("phi_i", "phi_o")
+# positions of each axis whose cells are timed where no slab was
+PACED = 6
 
 
 @dataclass(frozen=True)
@@ -156,6 +158,16 @@ def _cost(slabs: list[tuple[int, int, float]]) -> tuple[float, float]:
     if max(pairs) * min(cells) < max(cells) * min(pairs):
         return 0.0, sum(pairs) / len(pairs)
     return sum(cells) / len(cells), 0.0
+
+
+def pace(engine: Engine, grid: Grid, dtype: str) -> float:
+    """Return the seconds of a fill a cell, from a few positions of every axis, but all relative azimuths."""
+    some = {name: spread(axis.size, PACED) for name, axis in grid.axes.items() if name != "phi"}
+    few = {name: np.arange(min(2, axis.size)) for name, axis in grid.axes.items()}
+    once(f"fill of {engine.setup.model.name}, {len(grid.shape)} axes", lambda: slab(engine, grid, few, dtype))
+    started = time.perf_counter()
+    values = slab(engine, grid, some, dtype)
+    return (time.perf_counter() - started) / values[..., 0].size
 
 
 def largest_error(engine: Engine, table: Table, plan: Plan, seed: int) -> float:
