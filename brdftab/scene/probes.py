@@ -56,9 +56,10 @@ class Probes:
         return found, time.perf_counter() - started
 
     def cost(self, setup: Setup, tolerance: float) -> float:
-        """Return the seconds of evaluating a fourth of the pairs, the less of two: the first may build what others find."""
-        some = [np.ascontiguousarray(a[::4]) for a in (self.theta_i, self.theta_o, self.phi, self.phi_i)]
-        few = Probes(*some, self.floor, self.grid)
+        """Return the seconds of a fourth of the pairs, the less of two: the first may build what others find."""
+        angles = (self.theta_i, self.theta_o, self.phi, self.phi_i)
+        ti, to, phi, phi_i = (np.ascontiguousarray(a[::4]) for a in angles)
+        few = Probes(ti, to, phi, phi_i, self.floor, self.grid)
         return min(few.values(setup, EXACT * tolerance)[1] for _ in range(TIMED))
 
     def error(self, found: Array, reference: Array) -> float:
