@@ -245,6 +245,29 @@ def test_lights_that_never_meet_their_own_mirror_direction():
     assert verify(one, table)["holds"]
 
 
+@pytest.mark.parametrize("grid", ["1x1x1", "2x1x1", "1x2x3", "1x1x1x1", "2x2x1x3"])
+@pytest.mark.parametrize("model", ["smith", "vgroove-sym"])
+def test_grids_of_a_few_cells_are_planned(model, grid):
+    """All of their cells may hold the mirror direction, and leave no other pair to look at."""
+    one, _, table = made(model=model, grid=grid, parameters={"alpha": 0.4})
+    assert table.provenance["error"]["cells"] > 0
+    assert verify(one, table)["holds"]
+
+
+def test_a_promise_that_the_checks_see_broken_is_told(tmp_path):
+    """Grooves a hundred thousand times rougher along one axis: averages at the mirror direction are not resolved."""
+    (tmp_path / "scene.toml").write_text(
+        '[[material]]\nname = "e"\nmodel = "vgroove-nonsym"\ngrid = "3x4x3x4"\n'
+        "parameters = { alpha_x = 1e-4, alpha_y = 10, f0 = 0.5 }\n"
+    )
+    words = ["tabulate", "--scene", str(tmp_path / "scene.toml"), "--out", str(tmp_path / "out"), "--no-cache"]
+    result = CliRunner().invoke(main, words)
+    assert result.exit_code == 0, result.output
+    assert "missed: the probes exceed the promise" in result.output
+    (tmp_path / "scene.toml").write_text('[[material]]\nname = "a"\nmodel = "lambert"\nquantity = "albedo"\n')
+    assert "missed" not in CliRunner().invoke(main, [*words, "--overwrite"]).output
+
+
 def test_coarse_grids_promise_what_was_asked():
     """Averages of wide cells take more than the rules' own share: what no other item uses is theirs."""
     parameters = {"ior": 1.1282393132837922, "ndf": "ggx", "alpha": 0.17546655986686935}

@@ -205,6 +205,9 @@ def _print(facts: dict[str, Any]) -> None:
         f"{facts['name']:<12} {facts['model']}: {error}promised {promised['cell_error']:.1e} a cell, "
         f"{promised['albedo_error']:.1e} in albedo; {_size(facts['bytes'])}, {how}; wrote {facts['file']}"
     )
+    # of tables of albedos the error is the albedo's
+    if facts["error"] is not None and facts["error"] > (promised["cell_error"] or promised["albedo_error"]):
+        click.echo(f"{'':<12} missed: the probes exceed the promise; raise tolerance or floor, or take a finer grid")
     found = facts.get("verified")
     if found:
         click.echo(

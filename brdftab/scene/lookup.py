@@ -90,7 +90,7 @@ def interpolate(
         logs, total = _gather(values, [(index[block], weight[block]) for index, weight in rules])
         logs = to_log(logs.astype(np.float64), floor) if values is table.values else logs
         found[block] = np.einsum("nk,nkc->nc", total, logs)
-    return from_log(found, floor).reshape(*shape, -1)
+    return from_log(found, floor).reshape(*shape, table.shape[-1])
 
 
 def _folded(phi_i: Array, phi_o: Array, symmetric: bool) -> tuple[Array, Array]:

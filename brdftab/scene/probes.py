@@ -95,6 +95,9 @@ def _without_mirror(found: Probes, grid: Grid) -> Probes:
     angles = _at(found, grid)
     place = tuple(np.searchsorted(grid.axes[name], angles[name]) for name in grid.axis_names)
     kept = ~np.isin(np.ravel_multi_index(place, grid.shape), cells)
+    if not kept.any():
+        # grids of a few cells hold nothing else
+        kept[:] = True
     return Probes(found.theta_i[kept], found.theta_o[kept], found.phi[kept], found.phi_i[kept], found.floor, grid)
 
 

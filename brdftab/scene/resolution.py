@@ -134,7 +134,9 @@ def keep(engine: Engine, grid: Grid, tolerance: float, floor: float, dtype: str,
         started = time.perf_counter()
         azimuths = spread(grid.phi.size, times * _lines(AZIMUTHS, grid.theta_i.size * grid.theta_o.size), MIRRORED)
         along = slab(engine, grid, {"phi": azimuths}, dtype)
-        pairs = grid.theta_i.size * grid.theta_o.size // (2 if grid.square and engine.setup.model.reciprocal else 1)
+        pairs = grid.theta_i.size * grid.theta_o.size
+        if grid.square and engine.setup.model.reciprocal:
+            pairs = (pairs + grid.theta_i.size) // 2
         slabs.append((azimuths.size * pairs, pairs, time.perf_counter() - started))
         for axis, name in enumerate(("theta_i", "theta_o")):
             lines = np.moveaxis(along, axis, 0).reshape(along.shape[axis], -1, along.shape[-1])
