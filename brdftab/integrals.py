@@ -13,14 +13,12 @@ from brdftab.cells import gauss
 from brdftab.engine import Engine
 from brdftab.errors import ParameterError
 from brdftab.evaluation import check_tolerance
-from brdftab.jit import kernel
+from brdftab.models.microfacet.half_vectors import CUTS, reflecting_half_vectors
 from brdftab.models.setup import Setup, resolve
 
 Array = NDArray[np.float64]
 # in-plane incoming angles (degrees) at which the azimuth of the half vector is split
 _TURNS = np.tan(np.radians([0.0, 15.0, 30.0, 45.0, 60.0, 70.0, 78.0, 84.0, 87.0, 88.5]))
-# shares of the largest tilt of a half vector at which it is split
-_CUTS = np.array([0.0, 0.5, 0.75, 0.9, 0.97, 1.0])
 NODES = 10
 # nodes a panel by the error asked; the largest error over NDFs, roughnesses .01 to 1 and angles to 89.94 degrees of
 # 3, 4, 6 nodes is 2.6e-3, 9e-4, 2.3e-4
@@ -66,43 +64,9 @@ def half_vector_nodes(setup: Setup, theta_i: float, phi_i: float, nodes: int) ->
     least = min(setup.alpha_x, setup.alpha_y) if rough else 1.0
     scales = np.arctan(least * 2.0 ** np.arange(-2.0, 2.0 + math.ceil(math.log2(8.0 * max(alpha, 1.0) / least))))
     x, w = gauss(nodes)
-    found = np.empty((3, azimuth.size * (scales.size + _CUTS.size + 1) * nodes))
-    count = _half_vectors(theta_i, azimuth, weight_a, scales, x, w, found)
+    found = np.empty((3, azimuth.size * (scales.size + CUTS.size + 1) * nodes))
+    count = reflecting_half_vectors(theta_i, azimuth, weight_a, scales, x, w, found)
     return found[0, :count], found[1, :count], found[2, :count]
-
-
-@kernel
-def _half_vectors(
-    theta_i: float, azimuth: Array, weight_a: Array, scales: Array, x: Array, w: Array, found: Array
-) -> int:
-    """Write theta_o, phi and weight of all half vectors that reflect the light upwards, and return how many."""
-    si, ci, count, own = math.sin(theta_i), math.cos(theta_i), 0, scales.size
-    edges = np.empty(own + _CUTS.size + 2)
-    for a in range(azimuth.size):
-        ca, sa = math.cos(azimuth[a]), math.sin(azimuth[a])
-        tilt = math.atan2(si * ca, ci)
-        top = 0.5 * (0.5 * math.pi + tilt)
-        edges[:own] = scales
-        edges[own : own + _CUTS.size] = top * _CUTS
-        edges[-2], edges[-1] = tilt, 0.5 * tilt
-        edges = np.sort(np.minimum(np.maximum(edges, 0.0), top))
-        for panel in range(edges.size - 1):
-            width = edges[panel + 1] - edges[panel]
-            if width <= 0.0:
-                continue
-            for k in range(x.size):
-                theta_h = edges[panel] + width * x[k]
-                sh, ch = math.sin(theta_h), math.cos(theta_h)
-                i_h = si * ca * sh + ci * ch
-                # o = 2 (i.h) h - i in the light's frame
-                ox, oy, oz = 2.0 * i_h * sh * ca - si, 2.0 * i_h * sh * sa, 2.0 * i_h * ch - ci
-                weight = weight_a[a] * width * w[k] * 4.0 * i_h * sh * oz
-                if i_h > 0.0 and oz > 0.0 and weight > 0.0:
-                    found[0, count] = math.atan2(math.sqrt(ox * ox + oy * oy), oz)
-                    found[1, count] = math.atan2(oy, ox)
-                    found[2, count] = weight
-                    count += 1
-    return count
 
 
 def nodes_for(tolerance: float) -> int:

@@ -14,22 +14,23 @@ import numba
 _FAST = {"contract", "arcp", "nsz"}
 
 
-# folders whose sources no kernel is made from: none holds a kernel, and no module that does imports from them
-NO_KERNELS = frozenset({"cli", "fitting", "golden", "io", "scene", "validate"})
+# modules and folders that kernels are made from: those that hold a kernel, and all that these import from
+KERNEL_SOURCES = frozenset({"bench", "errors", "jit", "materials", "memory", "models", "scratches"})
 
 
-def source_hash(without: frozenset[str] = NO_KERNELS) -> str:
-    """Return a hash of the Python sources below this package, but for some folders, and of the Numba version.
+def source_hash(only: frozenset[str] | None = KERNEL_SOURCES) -> str:
+    """Return a hash of this package's Python sources, of some modules and folders alone, and of the Numba version.
 
     Numba looks at the time stamp of the file that holds the cached function only, so an edit of a helper in another
-    file would leave a stale caller behind; keying the folder on all sources closes that hole.
+    file would leave a stale caller behind; keying the folder on all sources of kernels closes that hole.
     """
     digest = hashlib.sha256(numba.__version__.encode())
     root = Path(__file__).parent
     for path in sorted(root.rglob("*.py")):
-        if path.relative_to(root).parts[0] in without:
+        relative = path.relative_to(root)
+        if only is not None and relative.with_suffix("").parts[0] not in only:
             continue
-        digest.update(str(path.relative_to(root)).encode())
+        digest.update(str(relative).encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 

@@ -77,7 +77,7 @@ def key(material: Material) -> str:
     """
     content = asdict(material) | {"parameters": material.setup().parameters, "name": ""}
     content["grid"] = material.grid or default_grid(material.setup())
-    text = json.dumps([content, __version__, source_hash(frozenset())], sort_keys=True)
+    text = json.dumps([content, __version__, source_hash(None)], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
