@@ -87,7 +87,8 @@ def test_points_cover_the_declaration(name):
         assert h.quantities["components"].shape == (count, len(h.components), channels)
         assert all(np.isfinite(a).all() for a in h.quantities.values()), h.label
         assert (h.quantities["values"] != 0.0).any(axis=1).mean() > 0.5, h.label
-        assert np.array_equal(h.directions, directions(setup)), h.label
+        # arccos and arctan2 differ in the last digit from processor to processor: 4.4e-16 seen without AVX-512
+        assert np.allclose(h.directions, directions(setup), rtol=0.0, atol=1e-14), h.label
 
 
 def _taken(name, given):

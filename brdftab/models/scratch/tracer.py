@@ -16,6 +16,8 @@ from brdftab.jit import kernel
 # pieces a block; rays skip blocks that lie below them
 BLOCK = 16
 STEEP = 1e-13
+# half widths: a surface this close below the aperture is met where the ray enters, whatever rounding makes of the root
+TOUCHING = 1e-14
 # representative cosines of a path
 GROUPS = 4
 
@@ -69,6 +71,11 @@ def _next_hit(shape, tops, x, y, n, dx, dy, leaving):
         return x, height[n] + u * (slope[n] + u * bend[n]), n
     m = dy / dx
     forward = dx > 0.0
+    if not leaving:
+        u = x - knots[n]
+        surface = height[n] + u * (slope[n] + u * bend[n])
+        if y - surface <= TOUCHING:
+            return x, surface, n
     if leaving:
         # of the two roots one is the start; they add up to (m - slope)/bend
         if bend[n] != 0.0:
