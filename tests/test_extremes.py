@@ -37,7 +37,7 @@ def _largest_alpha(model, ndf):
     if ndf != "phong":
         return 10.0
     # the nonsymmetric groove has no Phong distribution of opposite facets from sqrt 2 on
-    return 1.4 if model == "vgroove-nonsym" else 10.0
+    return 1.4142 if model == "vgroove-nonsym" else 10.0
 
 
 def _served(model, ndf, **rough):

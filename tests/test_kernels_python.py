@@ -61,6 +61,8 @@ def calls():
         found += [(groove2d.width_symmetric, (t, left, k)) for k in (1, 2, 3)]
         found += [(groove2d.width_nonsymmetric, (t, left, right, k)) for k in (1, 2, 3)]
     found += [(tail.tail_node, (power, 0.1, 0.4, 0.3)) for power in (0.0, 1.0, 2.5)]
+    found += [(tail.tail_panels, (power, 0.01, 0.4)) for power in (0.0, 2.5)]
+    found += [(tail.tail_panel, (number, 3, 0.01, 0.4)) for number in range(3)]
     return found
 
 

@@ -148,6 +148,29 @@ def test_orders_with_metal_match_traced_integral(model, ndf, alpha_x, alpha_y, d
         assert np.allclose(parts[f"order{k}"], expected, rtol=1e-7, atol=floor), f"order {k}"
 
 
+@pytest.mark.parametrize("direction", [(60, 75, 150, 0), *DIRECTIONS])
+@pytest.mark.parametrize("alpha", [1.05, 1.1, 1.2, 1.3, 1.4, 1.41, 1.4142])
+def test_vertical_facets_of_broad_phong_lobes_match_traced_integral(alpha, direction):
+    """D ~ cos^n with n from -.19 to -.99996: nearly all opposite facets stand upright at the end."""
+    theta_i, theta_o, phi = np.array(direction[:3]) * DEGREE
+    parts = {
+        tolerance: brdftab.evaluate(
+            "vgroove-nonsym", theta_i, theta_o, phi, components=True, ndf="phong", alpha=alpha, eta=0.43, k=2.46,
+            tolerance=tolerance,
+        )
+        for tolerance in (1e-3, 1e-5, 1e-8)
+    }  # fmt: skip
+    total = float(sum(parts[1e-8].values())[0])
+    for k in range(2, 6):
+        expected, doubt = groove_integral.order(
+            k, theta_i, theta_o, phi, symmetric=False, ndf="phong", alpha_x=alpha, eta=0.43, kappa=2.46
+        )
+        for tolerance, found in parts.items():
+            floor = 1e-12 + 10.0 * doubt + 0.1 * tolerance * total
+            # QUADPACK halves intervals down to kinks of the beam: it stops at 1e-7 of an order there
+            assert np.allclose(found[f"order{k}"], expected, rtol=max(tolerance, 1e-6), atol=floor), (k, tolerance)
+
+
 @pytest.mark.parametrize("model", GROOVES)
 def test_spectra_are_projected_after_the_product_over_bounces(model):
     angles = tuple(x * DEGREE for x in (50.0, 40.0, 172.0))
@@ -214,17 +237,28 @@ def test_monte_carlo_needs_no_special_variates():
 # ---------------------------------------------------------------- symmetries and extremes
 
 
-@pytest.mark.parametrize(("model", "long"), [("vgroove-sym", (20_000, 64)), ("vgroove-nonsym", (1024, 16, 16, True))])
-@pytest.mark.parametrize("alpha", [0.5, 2.0, 10.0])
-def test_tails_beside_the_mirror_direction_keep_the_tolerance(monkeypatch, model, long, alpha):
+@pytest.mark.parametrize(
+    ("model", "ndf", "alpha", "long"),
+    [
+        *(("vgroove-sym", "ggx", alpha, (20_000, 64)) for alpha in (0.5, 2.0, 10.0)),
+        *(("vgroove-sym", "phong", alpha, (20_000, 64)) for alpha in (0.9, 1.4, 3.0, 10.0)),
+        *(("vgroove-nonsym", "ggx", alpha, (1024, 16, 16, True)) for alpha in (0.5, 2.0, 10.0)),
+        *(("vgroove-nonsym", "phong", alpha, (4096, 16, 16, True)) for alpha in (0.9, 1.1, 1.2, 1.3, 1.4, 1.4142)),
+    ],
+)
+def test_tails_beside_the_mirror_direction_keep_the_tolerance(monkeypatch, model, ndf, alpha, long):
     """A thousand orders and more summed one by one against the integral that stands for most of them."""
     module = models.kernel(model)
-    setup = resolve(model, ndf="ggx", alpha=alpha, material="mirror")
+    setup = resolve(model, ndf=ndf, alpha=alpha, material="mirror")
+    # the last are no mirror direction: at equal polar angles odd orders do not end
     degrees = [
-        [89.999, 45.0, 1e-8, 30.0, 60.0],
-        [89.999, 45.0, 0.0, 30.5, 60.1],
-        [179.99999994, 179.9999, 90, 180, 180],
+        [89.999, 45.0, 1e-8, 30.0, 60.0, 45.0, 45.0, 70.0, 89.9, 40.0],
+        [89.999, 45.0, 0.0, 30.5, 60.1, 44.0, 44.9, 70.01, 89.9, 40.0],
+        [179.99999994, 179.9999, 90, 180, 180, 179, 179.9, 180, 35.4378, 60.0],
     ]
+    if (model, ndf) == ("vgroove-nonsym", "phong") and alpha >= 1.4:
+        # a known limit: a groove's aperture of 1e-11 after a billion bounces
+        degrees = np.delete(degrees, 8, axis=1)
     theta_i, theta_o, phi = np.radians(degrees)
     found = {
         t: module.points(setup, theta_i, theta_o, phi, 0.0 * phi, orders=0, tolerance=t)

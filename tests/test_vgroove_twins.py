@@ -15,6 +15,8 @@ from brdftab.models.microfacet import groove2d as compiled_groove
 from brdftab.models.microfacet.fresnel import reflectance as compiled_reflectance
 from brdftab.models.microfacet.project import unit_gauss
 from brdftab.models.microfacet.tail import tail_node as compiled_node
+from brdftab.models.microfacet.tail import tail_panel as compiled_panel
+from brdftab.models.microfacet.tail import tail_panels as compiled_count
 from brdftab.models.microfacet.tail import tail_power as compiled_power
 from brdftab.models.microfacet.twin import chains, groove2d, tail, tiles
 from brdftab.models.setup import resolve
@@ -149,11 +151,15 @@ def test_beams_equal_the_kernels():
 def test_tail_nodes_equal_the_kernels(shape):
     s = np.array([0.01, 0.3, 0.99])
     for ndf in range(3):
-        power = tail.tail_power(ndf, jnp.full(3, shape))
         for low in (1e-9, 0.1, 0.18):
-            expected = [compiled_node(compiled_power(ndf, shape), low, 0.2, x) for x in s]
-            found = tail.tail_node(ndf, power, jnp.full(3, low), jnp.full(3, 0.2), s)
-            assert np.allclose(np.transpose(found), expected, rtol=1e-13, atol=0.0)
+            ends = jnp.full(3, low), jnp.full(3, 0.2)
+            power, powers = compiled_power(ndf, shape), tail.tail_power(ndf, jnp.full(3, shape))
+            panels, count = compiled_count(power, low, 0.2), tail.tail_panels(powers, *ends)
+            assert (count == panels).all()
+            for number in {0, panels - 1}:
+                expected = [compiled_node(power, *compiled_panel(number, panels, low, 0.2), x) for x in s]
+                found = tail.tail_node(ndf, powers, count, jnp.full(3, number), *ends, s)
+                assert np.allclose(np.transpose(found), expected, rtol=1e-12, atol=0.0)
 
 
 @pytest.mark.parametrize("nodes", [12, 16, 24])

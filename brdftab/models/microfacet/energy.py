@@ -30,6 +30,8 @@ SMOOTH: Rule = (10, 12, 12.0)
 LOOSE, SMOOTHEST = 1e-4, 0.3
 # of GGX and Phong facets below this roughness fewer nodes leave 1e-4 of 1 - E at .01 and 7e-2 at 1e-4
 FINEST = 0.02
+# facets rougher than this return so little that the relative error of E counts
+ROUGHEST = 1.0
 
 
 @kernel
@@ -110,7 +112,9 @@ def _cuts(alpha: float, halvings: float = 20.0) -> Array:
     """Return edges of panels in elevation (pi/2 - theta), closer towards grazing where E turns within alpha."""
     low = math.atan(min(alpha, 1.0))
     dyadic = low * 2.0 ** np.arange(-halvings, math.log2(0.5 * math.pi / low))
-    return np.concatenate([[0.0], dyadic[dyadic < 1.2], [1.2, 0.5 * math.pi]])
+    # rough facets mask from 1/alpha on, and Walter's rational fit from 1/(1.6 alpha) on
+    rough = 0.5 * math.pi - np.arctan(2.0 ** np.arange(-1.0, 5.0 if alpha > 1.0 else 0.0) / (0.8 * alpha))
+    return np.sort(np.concatenate([[0.0], dyadic[dyadic < 1.2], rough, [1.2, 0.5 * math.pi]]))
 
 
 @lru_cache(maxsize=64)
@@ -159,13 +163,13 @@ def _rule(ndf: int, alpha: float, tolerance: float, divided: bool) -> Rule:
     """Return the rule of a table; `divided`: 1 - E is divided by its average, so that its relative error counts."""
     if tolerance < LOOSE or (ndf != 0 and alpha < FINEST):
         return EXACT
-    return SMOOTH if divided and ndf == 0 and alpha < SMOOTHEST else FEWER
+    return SMOOTH if alpha > ROUGHEST or (divided and ndf == 0 and alpha < SMOOTHEST) else FEWER
 
 
 def missing(setup: Setup, masking: int, theta: Array, tolerance: float = 0.0, divided: bool = True) -> Array:
     """Return 1 - E (N,) of single bounces; 0 at the horizon and below.
 
-    Good to 1e-9 (1e-6 for Beckmann above 2), from a tolerance of 1e-4 on to 1e-5, or what `divided` asks.
+    Good to 1e-9 (3e-7 of E for Beckmann above 2), from a tolerance of 1e-4 on to 1e-5, or what `divided` asks.
     """
     key = (masking, setup.ndf, setup.alpha_x)
     found = _looked_up(0.5 * math.pi - theta, *_table(*key, _rule(*key[1:], tolerance, divided)))

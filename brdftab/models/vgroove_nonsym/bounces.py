@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from brdftab.jit import kernel
 from brdftab.models.microfacet.fresnel import multiply_chain, multiply_long_chain
 from brdftab.models.microfacet.groove2d import beam_even, beam_odd
 from brdftab.models.microfacet.logfresnel import add_products, power_sums, spread_sums
 from brdftab.models.microfacet.ndf import density, opposite_norm
-from brdftab.models.microfacet.tail import tail_node, tail_power
-from brdftab.models.vgroove_nonsym.panels import left_tilt, panel_edges
+from brdftab.models.microfacet.tail import tail_node, tail_panel, tail_panels, tail_power
+from brdftab.models.vgroove_nonsym.panels import BROAD, left_tilt, panel_edges
 
 PI = math.pi
 HALF_PI = 0.5 * math.pi
@@ -55,7 +57,7 @@ def _facets(ndf, shape, sl, cl, sr, cr, shift):
 @kernel
 def _wall(ndf, shape, is_first, is_last, start, end, l0, slope):
     """Tell whether a panel of a broad Phong lobe ends where the right (1) or left (2) facet is vertical, else 0."""
-    if ndf != 2 or shape > 4.0:
+    if ndf != 2 or shape > BROAD:
         return 0
     if is_last and end >= HALF_PI - 1e-12:
         return 1
@@ -65,26 +67,20 @@ def _wall(ndf, shape, is_first, is_last, start, end, l0, slope):
 
 
 @kernel
-def _node(x, wall, shape, start, width, l0, slope):
-    """Return r, the sines and cosines of r and l, and dr/(width dx) at x in (0, 1) of a panel.
-
-    At a vertical facet D ~ cos^n is not smooth: the distance to it goes like x^q with q (n + 1) a whole number.
-    """
+def _node(x, wall, start, width, l0, slope):
+    """Return r and the sines and cosines of r and l at x in (0, 1) of a panel, x counted from a vertical facet."""
     if wall == 0:
         r = start + width * x
         left = l0 - slope * r
-        return r, math.sin(r), math.cos(r), math.sin(left), math.cos(left), 1.0
-    power = math.ceil(shape + 1.0) / (shape + 1.0)
-    part = x**power
-    jacobian = power * part / x
+        return r, math.sin(r), math.cos(r), math.sin(left), math.cos(left)
+    gap = width * x
     if wall == 1:
-        gap = width * part
         r = HALF_PI - gap
         left = l0 - slope * r
-        return r, math.cos(gap), math.sin(gap), math.sin(left), math.cos(left), jacobian
-    gap = slope * width * part
-    r = start + width * part
-    return r, math.sin(r), math.cos(r), math.cos(gap), math.sin(gap), jacobian
+        return r, math.cos(gap), math.sin(gap), math.sin(left), math.cos(left)
+    r = start + gap
+    gap *= slope
+    return r, math.sin(r), math.cos(r), math.cos(gap), math.sin(gap)
 
 
 @kernel
@@ -153,8 +149,9 @@ def add_order(t, u, k, odd, exact, weight, ndf, shape, shift, rule, fresnel, big
     k : float
         The order, real in the tail (then exact is False).
     rule : tuple
-        Gauss nodes and weights (2, n), fine scale cuts or not, depth limit of `panel_edges`, and the order from which
-        on a series sees the reflectance at the two nodes that keep three moments of the tilt.
+        Gauss nodes and weights (2, n), those of panels that end at a vertical facet, fine scale cuts or not, depth
+        limit of `panel_edges`, and the order from which on a series sees the reflectance at the two nodes that keep
+        three moments of the tilt.
     big_l : float
         Projected length L at which the reflectance is applied; acc is (1, W) then.
     series : tuple
@@ -162,7 +159,7 @@ def add_order(t, u, k, odd, exact, weight, ndf, shape, shift, rule, fresnel, big
     work : tuple of ndarray
         Scratch: cuts, edges, row, nodes.
     """
-    gauss, fine, depth_limit, pair_from = rule
+    gauss, wall_gauss, fine, depth_limit, pair_from = rule
     cuts, edges, row, nodes = work
     use_series = series[0].shape[1] > 0
     count = panel_edges(t, u, k, odd, ndf, shape, fine, depth_limit, cuts, edges)
@@ -181,7 +178,10 @@ def add_order(t, u, k, odd, exact, weight, ndf, shape, shift, rule, fresnel, big
             continue
         wall = _wall(ndf, shape, e == 0, e == count - 2, edges[e], edges[e + 1], l0, slope)
         for q in range(gauss.shape[1]):
-            r, sr, cr, sl, cl, jacobian = _node(gauss[0, q], wall, shape, edges[e], width, l0, slope)
+            at, part = gauss[0, q], gauss[1, q]
+            if wall != 0:
+                at, part = wall_gauss[0, q], wall_gauss[1, q]
+            r, sr, cr, sl, cl = _node(at, wall, edges[e], width, l0, slope)
             if sl <= 0.0 or cl <= 0.0 or cr <= 0.0:
                 continue
             if not odd:
@@ -192,7 +192,7 @@ def add_order(t, u, k, odd, exact, weight, ndf, shape, shift, rule, fresnel, big
                 beam = beam_odd(sl, cl, sr, cr, st, ct, su, cu)
             if beam <= 0.0:
                 continue
-            value = front * width * jacobian * gauss[1, q] * _facets(ndf, shape, sl, cl, sr, cr, shift) * sl * sr * beam
+            value = front * width * part * _facets(ndf, shape, sl, cl, sr, cr, shift) * sl * sr * beam
             if value <= 0.0:
                 continue
             total += value
@@ -207,14 +207,52 @@ def add_order(t, u, k, odd, exact, weight, ndf, shape, shift, rule, fresnel, big
 
 
 @kernel
+def _tail_edges(ndf, shape, family, big_m, small_m, low, high, edges):
+    """Write the ends of the parts of the tail over x = 1/k in which terms are smooth and return their number + 1.
+
+    With n < 0 facets near the vertical carry the terms, and the beam between one such and the other kinks in k.
+    """
+    edges[0] = low
+    edges[1] = high
+    if ndf != 2 or shape >= 0.0:
+        return 2
+    d, th = 0.5 * (big_m - small_m), 0.5 * (big_m + small_m)
+    # aperture left beside a vertical facet, times k for even and k + 1 for odd orders
+    odd = (family & 1) == 1
+    whole = PI + (2.0 if family < 2 else -2.0) * (th if odd else d)
+    more, less = math.sin(big_m) + math.sin(small_m), math.sin(big_m) - math.sin(small_m)
+    cos_big, cos_small = math.cos(big_m), math.cos(small_m)
+    gaps = (
+        big_m,
+        th,
+        d,
+        math.atan2(more, cos_big),
+        math.atan2(more, cos_small),
+        math.atan2(less, cos_big),
+        math.atan2(less, cos_small),
+    )
+    count = 2
+    for gap in gaps:
+        x = gap / (whole - gap) if odd else gap / whole
+        if low < x < high:
+            edges[count] = x
+            count += 1
+    edges[:count].sort()
+    return count
+
+
+@kernel
 def add_bounces(big_m, small_m, ndf, shape, shift, k_explicit, k_cap, tail, rule, fresnel, big_l, series, work, acc):
     """Add every order k >= 2 up to the cap to acc (P, ...) and return their sum for F = 1.
 
-    Orders up to k_explicit are summed one by one; beyond, half the integral over k by `tail` (2, n) nodes in 1/k.
+    Orders up to the second of k_explicit are summed one by one, up to the first bounce by bounce; beyond, half the
+    integral over k by `tail` (2, n) nodes in 1/k.
     Order k goes to layer min(k, P) - 1. Parameters as in `add_order`.
     """
-    layers = acc.shape[0]
+    k_exact, k_single = k_explicit
     power = tail_power(ndf, shape)
+    layers, nodes = acc.shape[0], tail.shape[1]
+    ends = np.empty(9)
     total = 0.0
     for family in range(4):
         odd = (family & 1) == 1
@@ -222,13 +260,13 @@ def add_bounces(big_m, small_m, ndf, shape, shift, k_explicit, k_cap, tail, rule
         t, u = sign * big_m, sign * small_m
         end = order_end(family, big_m, small_m)
         k = 3 if odd else 2
-        while k < end and k <= k_explicit and k <= k_cap:
+        while k < end and k <= k_single and k <= k_cap:
             part = add_order(
                 t,
                 u,
                 float(k),
                 odd,
-                True,
+                k <= k_exact,
                 1.0,
                 ndf,
                 shape,
@@ -244,28 +282,31 @@ def add_bounces(big_m, small_m, ndf, shape, shift, k_explicit, k_cap, tail, rule
             k += 2
             if part == 0.0 and ndf == 0 and k > 8:
                 break
-        if k <= k_explicit or k >= end or k > k_cap:
+        if k <= k_single or k >= end or k > k_cap:
             continue
         x0 = 1.0 / min(end, k_cap + 1.0 - (k_cap - k) % 2)
         x1 = 1.0 / (k - 1.0)
-        for q in range(tail.shape[1]):
-            x, dx = tail_node(power, x0, x1, tail[0, q])
-            weight = 0.5 * dx * tail[1, q] / (x * x)
-            total += add_order(
-                t,
-                u,
-                1.0 / x,
-                odd,
-                False,
-                weight,
-                ndf,
-                shape,
-                shift,
-                rule,
-                fresnel,
-                big_l,
-                series,
-                work,
-                acc[layers - 1],
-            )
+        count = _tail_edges(ndf, shape, family, big_m, small_m, x0, x1, ends)
+        for e in range(count - 1):
+            panels = tail_panels(power, ends[e], ends[e + 1])
+            for n in range(panels * nodes):
+                low, high = tail_panel(n // nodes, panels, ends[e], ends[e + 1])
+                x, dx = tail_node(power, low, high, tail[0, n % nodes])
+                total += add_order(
+                    t,
+                    u,
+                    1.0 / x,
+                    odd,
+                    False,
+                    0.5 * dx * tail[1, n % nodes] / (x * x),
+                    ndf,
+                    shape,
+                    shift,
+                    rule,
+                    fresnel,
+                    big_l,
+                    series,
+                    work,
+                    acc[layers - 1],
+                )
     return total

@@ -2,6 +2,8 @@
 
 # every value is an integral
 TOLERANCE = 1e-5
+# nearly all opposite facets are vertical as Phong's exponent nears -1
+SETTINGS = tuple({"ndf": "phong", "alpha": alpha} for alpha in (1.1, 1.2, 1.3, 1.4, 1.414))
 THIN = {"fast": 14, "full": 4}
 DIRECTIONS = {"fast": 6, "full": 2}
 SCANS = {"fast": 1, "full": 2}

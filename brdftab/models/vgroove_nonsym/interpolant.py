@@ -72,9 +72,22 @@ def _build(
             small = big * math.sin(HALF_PI * (2.0 * j / (columns - 1.0) - 1.0))
             shift = _peak_shift(0.5 * (big - small), shape) if ndf == 0 else 0.0
             acc[:] = 0.0
-            rule = (gauss, False, shift + DEPTH, pair_from)
+            rule = (gauss, gauss, False, shift + DEPTH, pair_from)
             total = add_bounces(
-                big, small, ndf, shape, shift, k_explicit, k_cap, tail, rule, fresnel, 1.0, series, work, acc
+                big,
+                small,
+                ndf,
+                shape,
+                shift,
+                (k_explicit, k_explicit),
+                k_cap,
+                tail,
+                rule,
+                fresnel,
+                1.0,
+                series,
+                work,
+                acc,
             )
             node = grid[i, j]
             node[:] = 0.0

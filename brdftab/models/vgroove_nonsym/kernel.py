@@ -12,14 +12,14 @@ from brdftab.jit import kernel, parallel_kernel
 from brdftab.models.microfacet.frame import groove_plane, pair
 from brdftab.models.microfacet.fresnel import multiply
 from brdftab.models.microfacet.logfresnel import fit
-from brdftab.models.microfacet.ndf import density, shape_at
-from brdftab.models.microfacet.project import arguments, project, unit_gauss
+from brdftab.models.microfacet.ndf import PHONG, density, shape_at
+from brdftab.models.microfacet.project import arguments, project, unit_gauss, unit_jacobi
 from brdftab.models.microfacet.rough import rough_class
 from brdftab.models.setup import Setup, component_names
 from brdftab.models.vgroove_nonsym.bounces import NODES, add_bounces
 from brdftab.models.vgroove_nonsym.first_order import mean_masking
-from brdftab.models.vgroove_nonsym.panels import CUTS
-from brdftab.models.vgroove_nonsym.rules import rule
+from brdftab.models.vgroove_nonsym.panels import BROAD, CUTS
+from brdftab.models.vgroove_nonsym.rules import rule, steep_orders
 
 HORIZON = 1e-15
 NO_CAP = 2_000_000_000
@@ -62,7 +62,7 @@ def evaluate(theta_i, theta_o, phi, phi_i, ndf, alpha_x, alpha_y, fresnel, serie
         cp, sp = math.cos(phi_i), math.sin(phi_i)
         cos_a, sin_a = (hx * cp - hy * sp) / flat, (hx * sp + hy * cp) / flat
     shape, amp = shape_at(ndf, alpha_x, alpha_y, cos_a, sin_a)
-    k_explicit, k_cap, tail, gauss, fine, masking_gauss, pair_from = sums
+    k_exact, k_single, k_cap, tail, gauss, wall_gauss, fine, masking_gauss, pair_from = sums
     value, big_m, small_m = first_order(ndf, shape, amp, plane, ci, co, masking_gauss)
     kind, a, b, table = fresnel
     if k_cap >= 2 and sin_h >= MIRROR:
@@ -72,7 +72,8 @@ def evaluate(theta_i, theta_o, phi, phi_i, ndf, alpha_x, alpha_y, fresnel, serie
             depth += tangent * tangent
         elif ndf == 2:
             depth -= shape * math.log(cos_h)
-        rule = (gauss, fine, depth, pair_from)
+        rule = (gauss, wall_gauss, fine, depth, pair_from)
+        k_explicit = (k_exact, k_single)
         powers = series[1]
         power = 1.0
         for p in range(powers.shape[0]):
@@ -111,11 +112,16 @@ def arrays(setup: Setup, tolerance: float) -> tuple[Any, ...]:
     assert setup.fresnel is not None
     k_explicit, tail, nodes, fine = rule(tolerance, rough_class(setup))
     k_cap = NO_CAP if setup.max_bounces is None else setup.max_bounces
+    singles = k_explicit
+    if setup.ndf == PHONG and setup.alpha_x > 1.0:
+        singles = max(k_explicit, steep_orders(phong_exponent(setup), tolerance))
     sums = (
         k_explicit,
+        singles,
         k_cap,
         unit_gauss(tail),
         unit_gauss(nodes),
+        wall_gauss(setup, nodes),
         fine,
         unit_gauss(20),
         PAIRED if tolerance >= PAIRED_REACH else math.inf,
@@ -127,6 +133,18 @@ def arrays(setup: Setup, tolerance: float) -> tuple[Any, ...]:
     if coefficients is None:
         coefficients = np.empty((weights.shape[0], 0))
     return setup.ndf, setup.alpha_x, setup.alpha_y, arguments(setup.fresnel, tolerance), weights, coefficients, sums
+
+
+def wall_gauss(setup: Setup, nodes: int) -> np.ndarray:
+    """Return nodes and weights (2, nodes) of panels that end at a vertical facet, where Phong's D ~ cos^n."""
+    if setup.ndf != PHONG:
+        return unit_gauss(nodes)
+    return unit_jacobi(nodes, min(phong_exponent(setup), BROAD))
+
+
+def phong_exponent(setup: Setup) -> float:
+    """Return the exponent n of D ~ cos^n."""
+    return 2.0 / (setup.alpha_x * setup.alpha_x) - 2.0
 
 
 def points(

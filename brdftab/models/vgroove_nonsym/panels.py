@@ -14,6 +14,11 @@ PI = math.pi
 HALF_PI = 0.5 * math.pi
 TINY = 1e-13
 CUTS = 64
+# Phong lobes of this exponent and less reach the vertical
+BROAD = 4.0
+# a facet this close to the vertical is vertical; growth and number of the panels beside it
+VERTICAL = 1e-12
+WALL_RATIO, WALL_CUTS = 5.0, 12
 
 
 @kernel
@@ -187,6 +192,34 @@ def scale_cuts(first, ratio, count, l0, slope, cuts, n):
 
 
 @kernel
+def wall_cuts(low, high, l0, slope, cuts, n):
+    """Add the middle and cuts towards the vertical of either facet, where D ~ cos^n with n < 0 grows without bound.
+
+    They go out in powers of `WALL_RATIO` from the kink nearest to the vertical, or from the support's own end.
+    """
+    margin = 1e-12 * (high - low)
+    right, left = HALF_PI - high, HALF_PI - l0 + slope * low
+    middle = 0.5 * (low + high)
+    cuts[n] = middle
+    n += 1
+    near_right, near_left = HALF_PI - middle, HALF_PI - l0 + slope * middle
+    far_right, far_left = near_right, near_left
+    for q in range(n - 1):
+        if low + margin < cuts[q] < high - margin:
+            near_right = min(near_right, HALF_PI - cuts[q])
+            near_left = min(near_left, HALF_PI - l0 + slope * cuts[q])
+    right = right if right > VERTICAL else near_right
+    left = left if left > VERTICAL else near_left
+    for _ in range(WALL_CUTS):
+        right *= WALL_RATIO
+        left *= WALL_RATIO
+        cuts[n] = HALF_PI - min(right, far_right)
+        cuts[n + 1] = (l0 - HALF_PI + min(left, far_left)) / slope
+        n += 2
+    return n
+
+
+@kernel
 def panel_edges(t, u, k, odd, ndf, shape, fine, depth_limit, cuts, edges):
     """Write the sorted panel edges of order k on one side and return their number (0: nothing to integrate).
 
@@ -211,10 +244,13 @@ def panel_edges(t, u, k, odd, ndf, shape, fine, depth_limit, cuts, edges):
         if high - low < TINY:
             return 0
         n = scale_cuts(0.25 * shape, 1.6 if fine else 2.56, 7 if fine else 4, l0, slope, cuts, n)
-    elif ndf == 0 or shape > 4.0:
+    elif ndf == 0 or shape > BROAD:
         low, high, n = peak_cuts(ndf, shape, l0, slope, low, high, depth_limit, cuts, n)
         if high - low < TINY:
             return 0
+    elif shape < 0.0:
+        fine = True
+        n = wall_cuts(low, high, l0, slope, cuts, n)
     else:
         n = scale_cuts(4.0, 4.0, 8 if fine else 3, l0, slope, cuts, n)
     edges[0] = low

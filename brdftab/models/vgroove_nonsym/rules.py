@@ -20,6 +20,16 @@ RULES = (
 MORE, ROUGH = 0.8, 2.0
 
 
+# beside the mirror direction the sum differs from its integral by up to HARDEST k^-(2 n + 4) where Phong's n < 0; the
+# most orders that are summed for it leave 1e-6 as n nears -1
+HARDEST, MOST = 10.0, 3200
+
+
+def steep_orders(exponent: float, tolerance: float) -> int:
+    """Return how many orders a Phong lobe of negative exponent wants to be summed one by one."""
+    return math.ceil(min((HARDEST / max(tolerance, 1e-12)) ** (1.0 / (2.0 * exponent + 4.0)), MOST))
+
+
 def rule(tolerance: float, rough: float = 1.0) -> tuple[int, int, int, bool]:
     """Return explicit orders, tail nodes, nodes a panel, fine scale cuts, for a tolerance and a class of roughness."""
     orders, tail, *rest = next(found for least, found in RULES if tolerance >= least)

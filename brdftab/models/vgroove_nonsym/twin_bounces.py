@@ -17,9 +17,10 @@ from brdftab.models.microfacet.twin.chains import CHAIN_SAMPLES, multiply_chain
 from brdftab.models.microfacet.twin.groove2d import beam_even, beam_odd
 from brdftab.models.microfacet.twin.ndf import BECKMANN, PHONG, density, opposite_norm
 from brdftab.models.microfacet.twin.static import Static
-from brdftab.models.microfacet.twin.tail import tail_node, tail_power
+from brdftab.models.microfacet.twin.tail import tail_node, tail_panels, tail_power
 from brdftab.models.microfacet.twin.tiles import by_tiles, ranking
-from brdftab.models.vgroove_nonsym.rules import rule
+from brdftab.models.vgroove_nonsym.panels import BROAD
+from brdftab.models.vgroove_nonsym.rules import HARDEST, MOST, rule
 from brdftab.models.vgroove_nonsym.twin_panels import left_tilt, panel_edges
 
 PI = math.pi
@@ -85,11 +86,14 @@ def bounces(
         depth -= still * jnp.log(cos_h)
     common = {"shape": shape, "big_l": big_l, "depth": depth}
     rows, total = families(plane), jnp.zeros_like(shape)
+    nodes = rule(static.tolerance, static.rough)[2]
+    # Phong has one exponent for all points
+    walls = unit_jacobi(nodes, jnp.minimum(shape[0], BROAD)) if static.ndf == PHONG else _unit_gauss(nodes)
     for odd in (False, True):
 
         def side(total: Array, inputs: Any, odd: bool = odd) -> tuple[Array, None]:
             row, rank = inputs
-            part = by_tiles(lambda tile: _orders(static, a, b, odd, tile), rank, {**row, **common}, TILE)
+            part = by_tiles(lambda tile: _orders(static, a, b, odd, tile, walls), rank, {**row, **common}, TILE)
             return total + part, None
 
         pick = slice(2, 4) if odd else slice(0, 2)
@@ -98,35 +102,45 @@ def bounces(
     return total
 
 
-def _orders(static: Static, a: Any, b: Any, odd: bool, tile: Tile) -> Array:
+def _orders(static: Static, a: Any, b: Any, odd: bool, tile: Tile, walls: Any) -> Array:
     """Return all orders of one parity and side for a tile of points, (T,): one by one, then the tail in 1/k."""
-    k_explicit, nodes, _, _ = rule(static.tolerance, static.rough)
+    k_exact, nodes, _, _ = rule(static.tolerance, static.rough)
     cap = NO_CAP if static.max_bounces is None else static.max_bounces
     first = 3 if odd else 2
-    singles = max((min(k_explicit, cap) - first) // 2 + 1, 0)
+    k_explicit = _explicit(static, k_exact, tile["shape"])
+    singles = jnp.maximum((jnp.minimum(k_explicit, cap) - first) // 2 + 1, 0)
     k_next = first + 2 * singles
     end, ndf = tile["end"], static.ndf
     far = (k_next < end) & (k_next <= cap) & (k_next > k_explicit)
     low = 1.0 / jnp.where(far, jnp.minimum(end, cap + 1.0 - (cap - k_next) % 2), k_next)
     high = jnp.full_like(low, 1.0 / (k_next - 1.0))
     power = tail_power(ndf, tile["shape"])
+    edges = _tail_edges(ndf, odd, tile, low, high)
+    starts, stops = edges[:-1], edges[1:]
+    panels = jnp.where(stops > starts, tail_panels(power, starts, stops), 0.0)
+    until = jnp.where(far, jnp.cumsum(panels, axis=0), 0.0)
     places, weights = _unit_gauss(nodes)
 
     def going(state: tuple[Array, Array, Array]) -> Array:
         number, alive, _ = state
         single = (number < singles) & jnp.any(alive & (first + 2 * number < end))
-        return single | ((number < singles + nodes) & jnp.any(far & alive))
+        return single | ((number < singles + nodes * jnp.max(until[-1])) & jnp.any(far & alive))
 
     def term(state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
         number, alive, total = state
-        exact = number < singles
-        at = jnp.clip(number - singles, 0, nodes - 1)
-        x, dx = tail_node(ndf, power, jnp.where(far, low, 0.5 * high), high, places[at])
+        single = number < singles
+        panel, at = jnp.maximum(number - singles, 0) // nodes, jnp.maximum(number - singles, 0) % nodes
+        part_of = jnp.minimum(jnp.sum(until <= panel, axis=0), len(panels) - 1)[None]
+        start, stop, many, last = (jnp.take_along_axis(v, part_of, 0)[0] for v in (starts, stops, panels, until))
+        behind = far & (panel < until[-1])
+        start, stop = jnp.where(behind, start, 0.5 * high), jnp.where(behind, stop, high)
+        x, dx = tail_node(ndf, power, many, panel - last + many, start, stop, places[at])
         whole = 1.0 * (first + 2 * number)
-        k = jnp.where(exact, whole, 1.0 / x)
-        weight = jnp.where(exact, 1.0, 0.5 * dx * weights[at] / (x * x))
-        live = alive & jnp.where(exact, whole < end, far)
-        bare, part = _order(static, a, b, odd, k, exact, live, tile)
+        exact = single & (whole <= k_exact)
+        k = jnp.where(single, whole, 1.0 / x)
+        weight = jnp.where(single, 1.0, 0.5 * dx * weights[at] / (x * x))
+        live = alive & jnp.where(single, whole < end, behind)
+        bare, part = _order(static, a, b, odd, k, exact, live, tile, walls)
         total = total + jnp.where(live, weight * part, 0.0)
         if ndf == BECKMANN:
             # orders further on are fainter still
@@ -137,8 +151,34 @@ def _orders(static: Static, a: Any, b: Any, odd: bool, tile: Tile) -> Array:
     return lax.while_loop(going, term, start)[2]
 
 
+def _explicit(static: Static, orders: int, shape: Array) -> Array:
+    """Return how many orders are summed one by one; `rules.steep_orders` as Phong's one exponent varies."""
+    if static.ndf != PHONG:
+        return jnp.array(orders)
+    exponent = lax.stop_gradient(shape[0])
+    power = 1.0 / (2.0 * jnp.minimum(exponent, 0.0) + 4.0)
+    steep = jnp.ceil(jnp.minimum((HARDEST / max(static.tolerance, 1e-12)) ** power, MOST)).astype(int)
+    return jnp.where(exponent < 0.0, jnp.maximum(orders, steep), orders)
+
+
+def _tail_edges(ndf: int, odd: bool, tile: Tile, low: Array, high: Array) -> Array:
+    """Return the ends (E, T) of the parts of the tail in which terms are smooth, in order; see `bounces`."""
+    if ndf != PHONG:
+        return jnp.stack([low, high])
+    t, u = tile["t"], tile["u"]
+    big, small = jnp.abs(t), jnp.where(t < 0.0, -u, u)
+    d, th = 0.5 * (big - small), 0.5 * (big + small)
+    whole = PI + ((t + u) if odd else (t - u))
+    more, less = jnp.sin(big) + jnp.sin(small), jnp.sin(big) - jnp.sin(small)
+    gaps = [big, th, d, *(jnp.arctan2(v, jnp.cos(w)) for v in (more, less) for w in (big, small))]
+    cuts = [gap / jnp.where(whole > gap, whole - gap, 1.0) if odd else gap / whole for gap in gaps]
+    steep = lax.stop_gradient(tile["shape"]) < 0.0
+    cuts = [jnp.where(steep & (low < x) & (x < high), x, high) for x in cuts]
+    return jnp.sort(jnp.stack([low, *cuts, high]), axis=0)
+
+
 def _order(
-    static: Static, a: Any, b: Any, odd: bool, k: Array, exact: Array, live: Array, tile: Tile
+    static: Static, a: Any, b: Any, odd: bool, k: Array, exact: Array, live: Array, tile: Tile, walls: Any
 ) -> tuple[Array, Array]:
     """Return one order on one side for F = 1 and with reflectance, (T,); k is real where not `exact` (a scalar)."""
     ndf, shape, t, u = static.ndf, tile["shape"], tile["t"], tile["u"]
@@ -159,11 +199,13 @@ def _order(
         bare, total = state
         start, stop = edges[e], edges[e + 1]
         width = stop - start
-        r, sr, cr, sl, cl, jacobian = _tilts(ndf, shape, places, start, stop, l0, slope, e == 0, e == count - 1)
+        wall = _wall(ndf, shape, (start, stop), (e == 0, e == count - 1), (l0, slope))
+        r, sr, cr, sl, cl = _tilts(ndf, places, walls[0][:, None], start, stop, l0, slope, wall)
+        part = jnp.where(wall[0] | wall[1], walls[1][:, None], weights)
         beam = beam_odd(sl, cl, sr, cr, *sides) if odd else beam_even(sl, cl, sr, cr, *sides)
         lit = (e < count) & (width > 1e-15) & (sl > 0.0) & (cl > 0.0) & (cr > 0.0) & (beam > 0.0)
         facets = _facets(ndf, shape, sl, jnp.where(lit, cl, 1.0), sr, jnp.where(lit, cr, 1.0))
-        value = jnp.where(lit, front * width * jacobian * weights * facets * sl * sr * beam, 0.0)
+        value = jnp.where(lit, front * width * part * facets * sl * sr * beam, 0.0)
         bare = bare + jnp.sum(value, axis=0)
         if static.fresnel == 0:
             return bare, bare
@@ -174,24 +216,17 @@ def _order(
 
 
 def _tilts(
-    ndf: int, shape: Array, x: Array, start: Array, stop: Array, l0: Array, slope: Array, first: Array, last: Array
+    ndf: int, x: Array, x_wall: Array, start: Array, stop: Array, l0: Array, slope: Array, wall: tuple[Array, Array]
 ) -> tuple[Array, ...]:
-    """Return r, the sines and cosines of r and l, and dr/(width dx) at x in (0, 1) of a panel, (Q, T).
-
-    At a vertical facet a broad Phong lobe is not smooth: the distance to it goes like x^q with q (n + 1) whole.
-    """
+    """Return r and the sines and cosines of r and l at x in (0, 1) of a panel, (Q, T), x_wall from a vertical facet."""
     width = stop - start
     r = start + width * x
     left = l0 - slope * r
-    plain = r, jnp.sin(r), jnp.cos(r), jnp.sin(left), jnp.cos(left), jnp.ones_like(r)
+    plain = r, jnp.sin(r), jnp.cos(r), jnp.sin(left), jnp.cos(left)
     if ndf != PHONG:
         return plain
-    shape = lax.stop_gradient(shape)
-    right = (shape <= 4.0) & last & (stop >= HALF_PI - 1e-12)
-    left_wall = (shape <= 4.0) & ~right & first & (l0 - slope * start >= HALF_PI - 1e-12)
-    power = jnp.ceil(shape + 1.0) / (shape + 1.0)
-    part = x**power
-    gap = width * part
+    right, left_wall = wall
+    gap = width * x_wall
     r_wall = jnp.where(right, HALF_PI - gap, start + gap)
     left = l0 - slope * r_wall
     steep = jnp.where(right, gap, slope * gap)
@@ -202,9 +237,27 @@ def _tilts(
         jnp.where(right, sg, jnp.cos(r_wall)),
         jnp.where(right, jnp.sin(left), cg),
         jnp.where(right, jnp.cos(left), sg),
-        power * part / x,
     )
     return tuple(jnp.where(right | left_wall, w, y) for w, y in zip(walls, plain, strict=True))
+
+
+def _wall(ndf: int, shape: Array, edges: tuple[Array, Array], ends: tuple[Any, Any], tilt: Any) -> tuple[Array, Array]:
+    """Tell where a panel ends at a vertical right facet and where at a left one; see `bounces`."""
+    (start, stop), (first, last), (l0, slope) = edges, ends, tilt
+    broad = (ndf == PHONG) & (lax.stop_gradient(shape) <= BROAD)
+    right = broad & last & (stop >= HALF_PI - 1e-12)
+    return right, broad & ~right & first & (l0 - slope * start >= HALF_PI - 1e-12)
+
+
+def unit_jacobi(count: int, exponent: Array) -> tuple[Array, Array]:
+    """Return nodes and weights (count,) on (0, 1) of `project.unit_jacobi`; derivatives pass through the nodes."""
+    j = jnp.arange(1.0, count)
+    total = 2.0 * j + exponent
+    side = 2.0 * j * (j + exponent) / (total * jnp.sqrt((total + 1.0) * (total - 1.0)))
+    middle = jnp.concatenate([(exponent / (exponent + 2.0))[None], exponent**2 / (total * (total + 2.0))])
+    found, vectors = jnp.linalg.eigh(jnp.diag(middle) + jnp.diag(side, 1) + jnp.diag(side, -1))
+    x = 0.5 * (1.0 + found)
+    return x, vectors[0] ** 2 / (exponent + 1.0) * x**-exponent
 
 
 def _facets(ndf: int, shape: Array, sl: Array, cl: Array, sr: Array, cr: Array) -> Array:

@@ -7,11 +7,13 @@ Nothing here carries a derivative: the integral over r does not depend on where 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import jax.numpy as jnp
 from jax import Array, lax
 
-from brdftab.models.microfacet.twin.ndf import BECKMANN, GGX
+from brdftab.models.microfacet.twin.ndf import BECKMANN, GGX, PHONG
+from brdftab.models.vgroove_nonsym.panels import BROAD, VERTICAL, WALL_CUTS, WALL_RATIO
 
 PI = math.pi
 HALF_PI = 0.5 * math.pi
@@ -153,6 +155,24 @@ def _scales(first: Array, ratio: float, count: int, l0: Array, slope: Array) -> 
     return cuts
 
 
+def _walls(low: Array, high: Array, l0: Array, slope: Array, cuts: Cuts) -> Cuts:
+    """Return the middle and cuts towards the vertical of either facet; see `panels.wall_cuts`."""
+    margin = 1e-12 * (high - low)
+    middle = 0.5 * (low + high)
+
+    def towards(gap: Any, end: Array) -> list[Array]:
+        far = gap(middle)
+        near = far
+        for cut in cuts:
+            near = jnp.minimum(near, jnp.where((low + margin < cut) & (cut < high - margin), gap(cut), far))
+        start = jnp.where(gap(end) > VERTICAL, gap(end), near)
+        return [jnp.minimum(start * WALL_RATIO ** (n + 1), far) for n in range(WALL_CUTS)]
+
+    right = [HALF_PI - x for x in towards(lambda r: HALF_PI - r, high)]
+    left = [(l0 - HALF_PI + x) / slope for x in towards(lambda r: HALF_PI - l0 + slope * r, low)]
+    return [middle, *right, *left]
+
+
 def panel_edges(
     t: Array, u: Array, k: Array, odd: bool, ndf: int, shape: Array, fine: bool, depth_limit: Array
 ) -> tuple[Array, Array]:
@@ -176,16 +196,20 @@ def panel_edges(
             scales = _scales(0.25 * shape, 1.6 if fine else 2.56, 7 if fine else 4, l0, slope)
             wide = jnp.maximum(low, (l0 - far) / slope), jnp.minimum(high, far)
         else:
-            broad = shape <= 4.0
+            broad = shape <= BROAD
+            walls = [jnp.where(shape < 0.0, x, jnp.nan) for x in _walls(low, high, l0, slope, cuts)]
             scales = _scales(jnp.full_like(shape, 4.0), 4.0, 8 if fine else 3, l0, slope)
+            scales = [jnp.where(shape < 0.0, jnp.nan, x) for x in scales]
             wide = low, high
         first, last, peaks = _peak(ndf, shape, l0, slope, low, high, depth_limit, open_ & ~broad)
         low, high = jnp.where(broad, wide[0], first), jnp.where(broad, wide[1], last)
         peaks += [jnp.full_like(low, jnp.nan)] * (len(scales) - len(peaks))
         cuts += [jnp.where(broad, x, y) for x, y in zip(scales, peaks, strict=True)]
+        if ndf == PHONG:
+            cuts += walls
         open_ &= high - low >= TINY
     low, high = jnp.where(open_, low, 0.0), jnp.where(open_, high, 0.0)
-    margin = (1e-12 if fine else 1e-3) * (high - low)
+    margin = jnp.where((ndf == PHONG) & (shape < 0.0), 1e-12, 1e-12 if fine else 1e-3) * (high - low)
     inner = jnp.stack(cuts)
     kept = (low + margin < inner) & (inner < high - margin)
     edges = jnp.sort(jnp.concatenate([low[None], jnp.where(kept, inner, high), high[None]]), axis=0)

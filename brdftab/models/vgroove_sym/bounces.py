@@ -14,7 +14,7 @@ from brdftab.jit import kernel
 from brdftab.models.microfacet.fresnel import multiply_chain, multiply_long_chain
 from brdftab.models.microfacet.groove2d import beam_symmetric
 from brdftab.models.microfacet.ndf import density
-from brdftab.models.microfacet.tail import tail_node, tail_power
+from brdftab.models.microfacet.tail import tail_node, tail_panel, tail_panels, tail_power
 
 PI = math.pi
 # terms below exp(-45) of the largest exponent met so far cannot change a float64 sum
@@ -97,8 +97,9 @@ def add_bounces(
         if not cut_off and k < end and k <= k_cap:
             last = min(end, k_cap + 1.0 - (k_cap - k) % 2)
             ends = (reach, last, k - 1.0, min(big_m, abs(small_m)), sign * big_m)
-            angles = (sign * sin_big, cos_big, sin_q, cos_small, max(big_m, limit))
-            _add_tail(ends, angles, big_l, ndf, shape, prefactor * amp, fresnel, gauss, row, acc)
+            angles = (sign * big_m, cos_big, sign * (small_m if parity else -small_m), cos_small, max(big_m, limit))
+            halves = (sign * d, math.cos(th)) if parity else (sign * th, math.cos(d))
+            _add_tail(ends, angles, halves, big_l, ndf, shape, prefactor * amp, fresnel, gauss, row, acc)
 
 
 @kernel
@@ -118,10 +119,11 @@ def _add_term(fresnel, big_l, y, theta_i, k, value, row, acc, layer):
 
 
 @kernel
-def _add_tail(ends, angles, big_l, ndf, shape, prefactor, fresnel, gauss, row, acc):
+def _add_tail(ends, angles, halves, big_l, ndf, shape, prefactor, fresnel, gauss, row, acc):
     """Add the orders of one family beyond the explicit ones as half the integral over k, in x = 1/k."""
     reach, k_last, k_first, kink, theta_i = ends
-    sin_t, cos_t, sin_q, cos_q, kink_high = angles
+    theta, cos_t, opposite, cos_q, kink_high = angles
+    difference, cos_mean = halves
     kind, a, b, table = fresnel
     layer = acc.shape[0] - 1
     low, high = 1.0 / k_last, 1.0 / k_first
@@ -133,11 +135,17 @@ def _add_tail(ends, angles, big_l, ndf, shape, prefactor, fresnel, gauss, row, a
         x1 = cut1 if panel == 0 else (cut2 if panel == 1 else high)
         if x1 - x0 <= 1e-15:
             continue
-        for q in range(gauss.shape[1]):
-            x, dx = tail_node(power if panel == 0 else 1.0, x0, x1, gauss[0, q])
+        scale = power if panel == 0 or power == 0.0 else 1.0
+        parts = tail_panels(scale, x0, x1)
+        for n in range(parts * gauss.shape[1]):
+            q = n % gauss.shape[1]
+            left, right = tail_panel(n // gauss.shape[1], parts, x0, x1)
+            x, dx = tail_node(scale, left, right, gauss[0, q])
             y = reach * x
             s, c = math.sin(y), math.cos(y)
-            beam = beam_symmetric(s, c, sin_t, cos_t, sin_q, cos_q)
+            # `beam_symmetric` without differences of numbers near 1: Phong lobes live on steps y that nearly vanish
+            beam = 2.0 * min(s * min(cos_t, cos_q), math.sin(y - abs(difference)) * cos_mean)
+            beam = min(beam, math.sin(y - theta), math.sin(y - opposite))
             if beam <= 0.0:
                 continue
             # dk/2 = dx/(2 x^2) and the term's own 1/k = x

@@ -17,7 +17,7 @@ from brdftab.models.microfacet.twin.chains import chain, chain_nodes, gram_rules
 from brdftab.models.microfacet.twin.groove2d import beam_symmetric
 from brdftab.models.microfacet.twin.ndf import BECKMANN, GGX, density
 from brdftab.models.microfacet.twin.static import Static
-from brdftab.models.microfacet.twin.tail import tail_node, tail_power
+from brdftab.models.microfacet.twin.tail import tail_node, tail_panels, tail_power
 from brdftab.models.microfacet.twin.tiles import by_tiles, ranking
 from brdftab.models.vgroove_sym.rules import rule
 
@@ -52,6 +52,9 @@ def families(plane: tuple[Array, ...]) -> dict[str, Array]:
         "cos_t": cos_big,
         "sin_q": sign * sin_small * jnp.array([-1.0, 1.0, -1.0, 1.0])[:, None],
         "cos_q": cos_small,
+        "opposite": sign * small * jnp.array([-1.0, 1.0, -1.0, 1.0])[:, None],
+        "difference": jnp.stack([jnp.abs(th), d, jnp.abs(th), d]),
+        "cos_mean": jnp.cos(jnp.stack([d, th, d, th])),
         "kink": kinks[0],
         "kink_high": kinks[1],
     }
@@ -146,30 +149,35 @@ def _tail(static: Static, a: Any, b: Any, k: Array, cap: int, tile: dict[str, Ar
     low, high = 1.0 / jnp.where(live, stop, k), jnp.broadcast_to(1.0 / (k - 1.0), stop.shape)
     cut = [jnp.clip(tile[name] / tile["reach"], low, high) for name in ("kink", "kink_high")]
     x0, x1 = jnp.stack([low, *cut]), jnp.stack([*cut, high])
-    nodes, weights = np.polynomial.legendre.leggauss(rule(static.tolerance, static.rough)[1])
-    panel, place = (x.ravel() for x in np.meshgrid(np.arange(3), 0.5 + 0.5 * nodes, indexing="ij"))
-    power = tail_power(static.ndf, tile["shape"])
+    open_panel = live & (x1 - x0 > 1e-15)
+    left, right = jnp.where(open_panel, x0, 0.5), jnp.where(open_panel, x1, 1.0)
+    shape = tile["shape"]
+    power = tail_power(static.ndf, shape)
+    powers = jnp.stack([power, *[jnp.where(power == 0.0, 0.0, 1.0)] * 2])
+    panels = tail_panels(powers, left, right)
+    count = rule(static.tolerance, static.rough)[1]
+    nodes, weights = (jnp.asarray(0.5 * v) for v in np.polynomial.legendre.leggauss(count))
 
-    def node(total: Array, inputs: tuple[Array, Array, Array]) -> tuple[Array, None]:
-        number, at, weight = inputs
-        open_panel = live & (x1[number] - x0[number] > 1e-15)
-        left, right = jnp.where(open_panel, x0[number], 0.5), jnp.where(open_panel, x1[number], 1.0)
-        x, dx = tail_node(static.ndf, jnp.where(number == 0, power, 1.0), left, right, at)
+    def going(state: tuple[Array, Array]) -> Array:
+        return state[0] < count * jnp.max(jnp.where(open_panel, panels, 0.0))
+
+    def node(state: tuple[Array, Array]) -> tuple[Array, Array]:
+        number, total = state
+        at = number % count
+        x, dx = tail_node(static.ndf, powers, panels, 1.0 * (number // count), left, right, 0.5 + nodes[at])
         y = tile["reach"] * x
         s, c = jnp.sin(y), jnp.cos(y)
-        beam = beam_symmetric(s, c, tile["sin_t"], tile["cos_t"], tile["sin_q"], tile["cos_q"])
-        lit = open_panel & (beam > 0.0)
+        # `beam_symmetric` without differences of numbers near 1: Phong lobes live on steps y that nearly vanish
+        beam = jnp.minimum(
+            s * jnp.minimum(tile["cos_t"], tile["cos_q"]), jnp.sin(y - tile["difference"]) * tile["cos_mean"]
+        )
+        beam = jnp.minimum(2.0 * beam, jnp.minimum(jnp.sin(y - tile["theta"]), jnp.sin(y - tile["opposite"])))
+        lit = open_panel & (number // count < panels) & (beam > 0.0)
         # dk/2 = dx/(2 x^2) and the term's own 1/k = x
-        term = density(static.ndf, tile["shape"], jnp.where(lit, s, 1.0), jnp.where(lit, c, 0.0))
-        term = term * beam * c * (0.5 * weight * dx / x)
+        term = density(static.ndf, shape, jnp.where(lit, s, 1.0), jnp.where(lit, c, 0.0))
+        term = term * beam * c * (0.5 * weights[at] * dx / x)
         low_end, high_end = -tile["theta"], 2.0 * tile["reach"] - tile["theta"]
         term = term * long_chain(static.fresnel, a, b, tile["big_l"], low_end, high_end, 1.0 / x)
-        return total + jnp.where(lit, term, 0.0), None
+        return number + 1, total + jnp.sum(jnp.where(lit, term, 0.0), axis=0)
 
-    def integral() -> Array:
-        start = jnp.zeros_like(low)
-        return lax.scan(node, start, (jnp.asarray(panel), jnp.asarray(place), jnp.asarray(np.tile(0.5 * weights, 3))))[
-            0
-        ]
-
-    return lax.cond(jnp.any(live), integral, lambda: jnp.zeros_like(low))
+    return lax.while_loop(going, node, (jnp.array(0), jnp.zeros_like(low)))[1]

@@ -9,6 +9,8 @@ from __future__ import annotations
 import jax.numpy as jnp
 from jax import Array, lax
 
+from brdftab.models.microfacet.tail import SPAN
+
 
 def tail_power(ndf: int, shape: Array) -> Array:
     """Return q of x = low + (high - low) s^q, or 0 for a logarithmic scale, shape of `shape`; without derivative."""
@@ -16,20 +18,27 @@ def tail_power(ndf: int, shape: Array) -> Array:
     if ndf != 2:
         return jnp.ones_like(shape)
     # the last branch's divisor must not vanish where it is not taken
-    n1 = jnp.where(shape <= -0.9, 1.0, shape + 1.0)
-    return jnp.where(shape >= 1.0, 1.0, jnp.where(shape <= -0.9, 0.0, jnp.ceil(n1) / n1))
+    n1 = jnp.where(shape < 0.0, 1.0, shape + 1.0)
+    return jnp.where(shape >= 1.0, 1.0, jnp.where(shape < 0.0, 0.0, jnp.ceil(n1) / n1))
 
 
-def tail_node(ndf: int, power: Array, low: Array, high: Array, s: Array) -> tuple[Array, Array]:
-    """Return x and dx/ds at s in (0, 1); low and high are positive. Only Phong takes other than equal steps."""
+def tail_panels(power: Array, low: Array, high: Array) -> Array:
+    """Return how many panels, equal ones in log x, the tail over x in (low, high) takes; one without that scale."""
+    return jnp.where(power > 0.0, 1.0, jnp.maximum(jnp.ceil(jnp.log(high / low) / SPAN), 1.0))
+
+
+def tail_node(
+    ndf: int, power: Array, panels: Array, number: Array, low: Array, high: Array, s: Array
+) -> tuple[Array, Array]:
+    """Return x and dx/ds at s in (0, 1) of a panel; low and high are positive. Only Phong takes other than one."""
     span = high - low
     plain = low + span * s
     if ndf != 2:
         return plain, span
-    rate = jnp.log(high / low)
-    spread = low * jnp.exp(rate * s)
+    rate = jnp.log(high / low) / panels
+    spread = low * jnp.exp(rate * (number + s))
     part = s**power
     straight = (power == 1.0) | (low > 0.5 * high)
-    x = jnp.where(straight, plain, jnp.where(power == 0.0, spread, low + span * part))
-    dx = jnp.where(straight, span, jnp.where(power == 0.0, spread * rate, span * power * part / s))
+    x = jnp.where(power == 0.0, spread, jnp.where(straight, plain, low + span * part))
+    dx = jnp.where(power == 0.0, spread * rate, jnp.where(straight, span, span * power * part / s))
     return x, dx
