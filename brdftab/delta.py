@@ -20,7 +20,7 @@ from brdftab.models.setup import Setup
 
 Array = NDArray[np.float64]
 # Gauss nodes over the polar angles that two cells share, crowded towards the horizon, where R rises to 1: at an index
-# of 1.0001 and cells of 1 degree 1e-9 is left
+# of 1.0001 they leave 6e-9 in cells of 45 degrees, at 1.000001, where next to nothing is reflected, 5e-5
 NODES = 32
 # polar angles (radians) nearer than this are the same
 SAME = 1e-9

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brdftab import delta
 from brdftab._version import __version__
 from brdftab.albedos import AlbedoTable
 from brdftab.attempts import MIRROR_NODES, Run
@@ -18,7 +19,7 @@ from brdftab.engine import Engine, Progress
 from brdftab.estimate import cell_angles
 from brdftab.evaluation import has_mirror_averages, is_stochastic
 from brdftab.models.setup import LUMINANCE, Setup, resolve
-from brdftab.provenance import machine
+from brdftab.provenance import ALBEDO_ANGLES, machine
 from brdftab.scene import albedo
 from brdftab.scene.lookup import interpolate
 from brdftab.scene.plan import Plan, Planned, added_up
@@ -197,6 +198,7 @@ def carry_out(planned: Planned, progress: Progress | None = None) -> Table | Alb
         "cell": table.grid.cell,
         "error": error,
         "averaged_cells": len(run.cells),
+        "delta": delta.described(resolve(plan.model, **plan.given), table.grid, ALBEDO_ANGLES),
         "method": run.method,
         "variant": setup.model.variant,
         "citation": setup.model.citation,
