@@ -20,7 +20,7 @@ from brdftab._version import __version__
 from brdftab.engine import Engine, Progress
 from brdftab.errors import BrdftabError, FileFormatError, ParameterError
 from brdftab.evaluation import check_tolerance, is_stochastic
-from brdftab.integrals import many, nodes_for
+from brdftab.integrals import check_fixed, many, nodes_for, split
 from brdftab.models.setup import Setup, resolve
 from brdftab.provenance import machine
 
@@ -30,6 +30,13 @@ COSINES = 32
 SIDES = {"above": 1.0, "below": -1.0}
 # angles a row at which the quadrature is checked against a finer one, a looser one against a fourth of its tolerance
 CHECKS, FINER, FINER_LOOSE = 3, 0.1, 0.25
+MEANINGS = {
+    "light": "share of the light from one direction theta_i that leaves the surface: int f |cos(theta_o)| domega_o",
+    "view": (
+        "radiance towards one view theta_o of a surface lit by 1 from all sides: int f |cos(theta_i)| domega_i; layers "
+        "below: of a view below"
+    ),
+}
 # nodes of the average over the light's angles, fewer of which leave at most 1e-5
 AVERAGE_NODES, FEW_NODES, LOOSE = 20, 8, 3e-4
 
@@ -53,6 +60,8 @@ class AlbedoTable:
         2 int E(mu) mu dmu under the same names, by its own quadrature, not from the cells.
     provenance : dict
         Model, parameters, error, run time.
+    fixed : {"light", "view"}
+        Which direction theta_i is of; the other is integrated over. See `brdftab.albedo`.
     """
 
     cosines: Array
@@ -61,6 +70,7 @@ class AlbedoTable:
     directional: dict[str, Array]
     average: dict[str, Array]
     provenance: dict[str, Any]
+    fixed: str = "light"
 
     def metadata(self) -> dict[str, Any]:
         """Return everything but the arrays of albedos as a JSON-able dict."""
@@ -72,9 +82,10 @@ class AlbedoTable:
             "roughness": self.roughness.tolist(),
             "channels": list(self.channels),
             "layers": list(self.directional),
+            "fixed": self.fixed,
             "meaning": (
-                "share of the light from one direction that leaves the surface: int f |cos(theta_o)| domega_o; rows "
-                "are roughness, columns the cosine of theta_i at (j + 1/2)/M; average = 2 int E(mu) mu dmu"
+                f"{MEANINGS[self.fixed]}; rows are roughness, columns its cosine at (j + 1/2)/M; average = 2 int E(mu) "
+                "mu dmu"
             ),
             "provenance": self.provenance,
         }
@@ -85,21 +96,20 @@ def _names(setup: Setup) -> tuple[str, ...]:
     return ("reflected", "transmitted", "reflected_below", "transmitted_below") if setup.transmits else ("reflected",)
 
 
-def albedos(setup: Setup, angles: Array, tolerance: float, engine: Engine | None = None) -> Array:
+def albedos(setup: Setup, angles: Array, tolerance: float, engine: Engine | None = None, fixed: str = "light") -> Array:
     """Return the albedos (L, N, C) of all layers at polar angles (N,) above the surface, radians.
 
     An engine of the same setup and tolerance is taken where directions are evaluated.
     """
     if setup.transmits:
-        split = models.kernel(setup.model.name).split_albedo
-        both = [split(setup, t, tolerance) for t in (angles, math.pi - angles)]
+        both = [split(setup, t, 0.0, tolerance, fixed) for t in (angles, math.pi - angles)]
         return np.array([part for pair in both for part in pair])
     module = models.kernel(setup.model.name)
-    if hasattr(module, "albedo"):
+    if hasattr(module, "albedo") and (fixed == "light" or setup.model.reciprocal):
         own = module.albedo(setup, angles, 0.0, tolerance)
         if own is not None:
             return np.asarray(own)[None]
-    return many(engine or Engine(setup, tolerance), angles, nodes_for(tolerance))[None]
+    return many(engine or Engine(setup, tolerance), angles, nodes_for(tolerance), fixed)[None]
 
 
 @dataclass(frozen=True)
@@ -113,7 +123,12 @@ class Row:
 
 
 def row(
-    setup: Setup, cosines: Array, tolerance: float, cells: Array | None = None, engine: Engine | None = None
+    setup: Setup,
+    cosines: Array,
+    tolerance: float,
+    cells: Array | None = None,
+    engine: Engine | None = None,
+    fixed: str = "light",
 ) -> Row:
     """Integrate the albedos of one isotropic setup; `cells` are those at the cosines, `engine` its own, if known."""
     angles = np.arccos(cosines)
@@ -121,13 +136,13 @@ def row(
     # squared nodes gather at grazing, where albedos turn
     mu, weight = (0.5 * (1.0 + x)) ** 2, 0.5 * w * (1.0 + x)
     if cells is None:
-        found = albedos(setup, np.concatenate([angles, np.arccos(mu)]), tolerance, engine)
+        found = albedos(setup, np.concatenate([angles, np.arccos(mu)]), tolerance, engine, fixed)
         cells, rest = found[:, : angles.size], found[:, angles.size :]
     else:
-        rest = albedos(setup, np.arccos(mu), tolerance, engine)
+        rest = albedos(setup, np.arccos(mu), tolerance, engine, fixed)
     picked = np.unique(np.linspace(0, angles.size - 1, CHECKS).round().astype(int))
     share = FINER_LOOSE if tolerance >= LOOSE else FINER
-    finer = albedos(setup, angles[picked], max(share * tolerance, 1e-10))
+    finer = albedos(setup, angles[picked], max(share * tolerance, 1e-10), None, fixed)
     error = float(np.abs(finer - cells[:, picked]).max())
     return Row(setup, cells, 2.0 * np.einsum("n,lnc->lc", weight * mu, rest), error)
 
@@ -138,6 +153,7 @@ def tabulate_albedo(
     cosines: int = COSINES,
     roughness: Sequence[float] | None = None,
     tolerance: float = 1e-4,
+    fixed: str = "light",
     progress: Progress | None = None,
     **parameters: Any,
 ) -> AlbedoTable:
@@ -148,11 +164,15 @@ def tabulate_albedo(
     model : str
         Registry name.
     cosines : int, optional
-        Cells in the cosine of theta_i, at least 2.
+        Cells in the cosine of the fixed direction, at least 2.
     roughness : sequence of float, optional
         Values of the model's roughness parameter (alpha or sigma), a row each; by default the one in `parameters`.
     tolerance : float, optional
         Absolute error asked, in [1e-14, 0.5].
+    fixed : {"light", "view"}, optional
+        Whether the cosine is the light's and views are integrated over, or the view's and lights are: renderers
+        compensate for the energy of a fixed view. Both are the same for reciprocal models that do not transmit; see
+        `brdftab.albedo`.
     progress : callable, optional
         Called with the finished share of the work.
     **parameters
@@ -168,7 +188,7 @@ def tabulate_albedo(
         If a parameter is malformed, the surface is anisotropic, or the model's values carry noise.
     """
     started = time.perf_counter()
-    asked = check_tolerance(tolerance)
+    asked, end = check_tolerance(tolerance), check_fixed(fixed)
     if not (isinstance(cosines, int) and 2 <= cosines <= 4096):
         raise ParameterError.out_of_range("cosines", cosines, "[2, 4096]", "cells between grazing and normal light")
     first = resolve(model, **parameters)
@@ -188,16 +208,18 @@ def tabulate_albedo(
     mu = (np.arange(cosines) + 0.5) / cosines
     made = []
     for number, setup in enumerate(rows):
-        made.append(row(setup, mu, asked))
+        made.append(row(setup, mu, asked, fixed=end))
         if progress is not None:
             progress((number + 1.0) / len(rows))
-    table = assembled(mu, made, asked, time.perf_counter() - started)
+    table = assembled(mu, made, asked, time.perf_counter() - started, end)
     if roughness is not None:
         del table.provenance["parameters"][name]
     return table
 
 
-def assembled(cosines: Array, rows: Sequence[Row], tolerance: float, seconds: float) -> AlbedoTable:
+def assembled(
+    cosines: Array, rows: Sequence[Row], tolerance: float, seconds: float, fixed: str = "light"
+) -> AlbedoTable:
     """Return the table of rows of one model that differ in roughness."""
     first = rows[0].setup
     error = max(row.error for row in rows)
@@ -220,6 +242,7 @@ def assembled(cosines: Array, rows: Sequence[Row], tolerance: float, seconds: fl
         {n: cells[:, k] for k, n in enumerate(names)},
         {n: means[:, k] for k, n in enumerate(names)},
         provenance,
+        fixed,
     )
 
 
@@ -292,6 +315,8 @@ def read_albedo(path: str | Path) -> AlbedoTable:
                 directional_albedo,
                 average,
                 head["provenance"],
+                # files of before hold albedos of lights
+                head.get("fixed", "light"),
             )
     except OSError as error:
         raise BrdftabError(f"{path}: cannot be opened ({error.strerror or error}); check the path") from error

@@ -13,7 +13,7 @@ from brdftab.cells import axis_nodes, mirror_average
 from brdftab.engine import Engine, Progress
 from brdftab.errors import SingularDirectionError
 from brdftab.estimate import Estimate, estimate
-from brdftab.evaluation import singular, singular_setup
+from brdftab.evaluation import has_mirror_averages, singular
 from brdftab.grid import Grid
 from brdftab.models.setup import Setup
 
@@ -23,9 +23,9 @@ AVERAGE_NODES = (3, 5, 8)
 
 
 def singular_cells(setup: Setup, grid: Grid) -> NDArray[np.int64]:
-    """Return the cells that must hold an average, or refuse point values there."""
+    """Return the cells that must hold an average, or refuse point values where there are none."""
     none = np.empty((0, len(grid.shape)), dtype=np.int64)
-    if singular_setup(setup) is None:
+    if not has_mirror_averages(setup):
         return none
     cells = np.asarray(grid.mirror_cells()).reshape(-1, len(grid.shape))
     axes = grid.axes

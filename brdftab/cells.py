@@ -14,6 +14,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from brdftab import delta
 from brdftab.engine import Engine
 from brdftab.grid import Grid
 
@@ -89,7 +90,7 @@ def _edges(grid: Grid, axis: str, index: int) -> tuple[float, float]:
 
 
 def mirror_average(engine: Engine, grid: Grid, cells: NDArray[np.int64], nodes: int) -> Array:
-    """Return the averages (K, P, C) over cells that hold the mirror direction.
+    """Return the averages (K, P, C) over cells that hold the mirror direction; a delta is part of the first component.
 
     Parameters
     ----------
@@ -124,7 +125,9 @@ def mirror_average(engine: Engine, grid: Grid, cells: NDArray[np.int64], nodes: 
     total = np.zeros((len(cells), *values.shape[1:]))
     np.add.at(total, index, values * weight[:, None, None])
     mass = np.bincount(index, weights=weight, minlength=len(cells))
-    return total / mass[:, None, None]
+    means: Array = total / mass[:, None, None]
+    means[:, 0] += delta.cell_averages(engine.setup, grid, cells)
+    return means
 
 
 def _relative(grid: Grid, ranges: dict[str, tuple[float, float]], phi_i: float) -> list[tuple[float, float]]:

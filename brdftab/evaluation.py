@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from brdftab import models
+from brdftab import delta, models
 from brdftab.errors import ParameterError, SingularDirectionError
 from brdftab.models.setup import Setup, component_names, resolve
 
@@ -58,6 +58,11 @@ def singular_setup(setup: Setup) -> Setup | None:
         return None
     other = getattr(models.kernel(setup.model.name), "singular_setup", None)
     return setup if other is None else other(setup)
+
+
+def has_mirror_averages(setup: Setup) -> bool:
+    """Tell whether cells that hold the mirror direction are averaged: no point there stands for them."""
+    return singular_setup(setup) is not None or delta.exists(setup)
 
 
 def singular(setup: Setup, theta_i: Array, theta_o: Array, phi: Array, phi_i: Array) -> NDArray[np.bool_]:
@@ -149,7 +154,8 @@ def evaluate(
     -------
     ndarray (..., C) or dict of str to ndarray (..., C)
         BRDF in 1/sr without cosine, a channel each; with `components` one array a component (bounce models: order1 to
-        order8 and higher).
+        order8 and higher). Of a flat interface (sigma = 0) f has a delta at the mirror direction, too, which no value
+        holds: `brdftab.albedo` and `brdftab.sample` contain it.
 
     Raises
     ------
@@ -178,7 +184,9 @@ def evaluate_point(
     Returns
     -------
     dict
-        model, parameters, channels, value, components (None unless asked), error, run_time_s; JSON-able.
+        model, parameters, channels, value, components (None unless asked), delta (None but at the mirror direction of
+        a flat interface: the share of light, a channel each, that is reflected there beside `value`), error,
+        run_time_s; JSON-able.
     """
     asked = check_tolerance(tolerance)
     orders = ORDERS if components else 0
@@ -204,6 +212,15 @@ def evaluate_point(
         "channels": list(setup.channels),
         "value": total.tolist(),
         "components": dict(zip(names, values.tolist(), strict=True)) if components else None,
+        "delta": _delta(setup, theta_i, theta_o, phi),
         "error": error + float(np.finfo(np.float64).eps),
         "run_time_s": elapsed,
     }
+
+
+def _delta(setup: Setup, theta_i: float, theta_o: float, phi: float) -> list[float] | None:
+    """Return the reflectance of a delta at a pair of directions, or None where there is none."""
+    if not (delta.exists(setup) and delta.mirrors(theta_i, theta_o, phi)):
+        return None
+    found: list[float] = delta.reflectance(setup, np.array([theta_i]))[0].tolist()
+    return found

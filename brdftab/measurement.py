@@ -120,7 +120,8 @@ class TableMeasurement(Measurement):
     """A table over an isotropic grid, seen as a measurement: multilinear between the positions of its axes.
 
     Between the outer positions of phi and 0 or pi the value is that of the outer position, because f is even around
-    both. Beyond the outer positions of theta nothing is valid.
+    both. Beyond the outer positions of theta nothing is valid, nor are cells that hold the average of a delta: they say
+    more of the cell than of f.
 
     Raises
     ------
@@ -138,7 +139,8 @@ class TableMeasurement(Measurement):
         self.channels = table.channels
         self.provenance = {"format": "brdftab table", "model": table.provenance.get("model")}
         self._values = table.values.reshape(-1, len(table.channels))
-        self._valid = None if table.mask is None else table.mask.reshape(self._values.shape)
+        self._mask = _without_delta(table)
+        self._valid = None if self._mask is None else self._mask.reshape(self._values.shape)
 
     def cells(self) -> Cells:
         """Return every cell of the grid with both polar angles below pi/2."""
@@ -167,7 +169,7 @@ class TableMeasurement(Measurement):
             if axis is not grid.phi:
                 # the slack lets a position stand that was turned to degrees and back
                 inside &= (angle >= axis[0] - 1e-12) & (angle <= axis[-1] + 1e-12)
-        values, valid = interpolate(self.table.values, self.table.mask, axes)
+        values, valid = interpolate(self.table.values, self._mask, axes)
         valid &= inside[:, None] & np.isfinite(values)
         values[~((ti < HALF_PI) & (to < HALF_PI))] = 0.0
         return values.reshape(*shape, -1), valid.reshape(*shape, -1)
@@ -182,6 +184,16 @@ class TableMeasurement(Measurement):
         values = self._values[flat[keep]].astype(np.float64)
         valid = np.ones(values.shape, dtype=bool) if self._valid is None else self._valid[flat[keep]]
         return Cells(theta_i[keep], theta_o[keep], phi[keep], values, valid, int((~keep).sum()))
+
+
+def _without_delta(table: Table) -> Mask | None:
+    """Return the mask of a table, cells that hold a delta not valid."""
+    delta = table.provenance.get("delta")
+    if not (isinstance(delta, dict) and delta.get("in_cells")):
+        return table.mask
+    mask = np.ones(table.values.shape, dtype=bool) if table.mask is None else table.mask.copy()
+    mask[tuple(table.grid.mirror_cells().T)] = False
+    return mask
 
 
 def angles(theta_i: ArrayLike, theta_o: ArrayLike, phi: ArrayLike) -> tuple[tuple[int, ...], list[Array]]:

@@ -11,9 +11,10 @@ import numba
 import numpy as np
 from numpy.typing import DTypeLike
 
-from brdftab import models
+from brdftab import delta, models
 from brdftab.engine import Engine
 from brdftab.estimate import Estimate
+from brdftab.grid import Grid
 from brdftab.integrals import directional
 from brdftab.models.setup import Setup, resolve
 from brdftab.stochastic import Spread
@@ -34,12 +35,13 @@ def machine() -> dict[str, Any]:
     }
 
 
-def physics(setup: Setup, engine: Engine, tolerance: float) -> dict[str, Any]:
-    """Return what follows from the setup: spectrum, albedo, energy left out, formula and citation."""
+def physics(setup: Setup, engine: Engine, tolerance: float, grid: Grid) -> dict[str, Any]:
+    """Return what follows from the setup: spectrum, albedo, delta, energy left out, formula and citation."""
     return {
         "spectral": _spectral(setup),
         "albedo": _albedo(engine),
-        "energy_left_out": _left_out(setup, tolerance),
+        "delta": delta.described(setup, grid, ALBEDO_ANGLES),
+        "energy_left_out": _with_delta(_left_out(setup, tolerance), setup, grid),
         "variant": setup.model.variant,
         "citation": setup.model.citation,
         "doi": setup.model.doi,
@@ -72,6 +74,16 @@ def _albedo(engine: Engine) -> dict[str, Any]:
         engine = Engine(engine.setup, ALBEDO_TOLERANCE)
     values = [directional(engine, math.radians(a)).sum(axis=0).tolist() for a in ALBEDO_ANGLES]
     return {"theta_i_degrees": list(ALBEDO_ANGLES), "values": values}
+
+
+def _with_delta(left_out: dict[str, Any] | None, setup: Setup, grid: Grid) -> dict[str, Any] | None:
+    """Return the energy left out with that of a delta which no value of the table holds."""
+    if delta.holds(grid) or not delta.exists(setup):
+        return left_out
+    lost = delta.reflectance(setup, np.radians(ALBEDO_ANGLES))
+    if left_out is not None:
+        lost = lost + np.array(left_out["values"])
+    return {"theta_i_degrees": list(ALBEDO_ANGLES), "values": lost.tolist()}
 
 
 def _left_out(setup: Setup, tolerance: float) -> dict[str, Any] | None:

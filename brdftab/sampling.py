@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from brdftab import models
+from brdftab import delta, models
 from brdftab.errors import ParameterError, SingularDirectionError
 from brdftab.evaluation import singular
 from brdftab.models.microfacet.sampling import PDF_TOLERANCE
 from brdftab.models.microfacet.single import HORIZON
-from brdftab.models.setup import resolve
+from brdftab.models.setup import Setup, resolve
 
 Array = NDArray[np.float64]
 
@@ -31,12 +31,19 @@ class Samples:
         Absolute azimuths, radians in [0, 2 pi).
     weight : ndarray (n, C)
         f |cos(theta_o)| / pdf a channel, 0 where `valid` is false; its mean estimates the directional albedo. Of models
-        that draw whole walks between facets (smith-multi, smith-walk) it is the walk's throughput.
+        that draw whole walks between facets (smith-multi, smith-walk) it is the walk's throughput. Where `delta` is
+        true it is the delta's reflectance over `mass`.
     valid : ndarray (n,) of bool
         False where the drawn path ends below the horizon or exceeds the model's cap of bounces.
     pdf : ndarray (n,)
         1/sr with respect to the solid angle of the outgoing direction, 0 where `valid` is false. Approximate for models
-        that draw whole walks, good for multiple importance sampling; the weight does not divide by it.
+        that draw whole walks, good for multiple importance sampling; the weight does not divide by it. 0 where `delta`
+        is true: such a draw has a probability, `mass`, and no density.
+    delta : ndarray (n,) of bool
+        True where the mirror direction of a flat interface was drawn, which light scattered elsewhere never meets.
+    mass : float
+        Probability of such a draw; 0 but for flat interfaces. The density integrates to 1 minus it, and minus the share
+        of invalid samples.
     """
 
     theta_o: Array
@@ -44,6 +51,8 @@ class Samples:
     weight: Array
     valid: NDArray[np.bool_]
     pdf: Array
+    delta: NDArray[np.bool_]
+    mass: float = 0.0
 
 
 def _check_angles(name: str, value: Array, low: float, high: float, valid: str) -> None:
@@ -111,20 +120,33 @@ def sample(model: str, theta_i: float, n: int, *, phi_i: float = 0.0, seed: int 
     if walks is not None:
         theta_o, phi_o, valid, weight = walks(setup, float(light), float(azimuth), int(n), rng)
         pairs = (np.full(int(n), light), theta_o, phi_o - float(azimuth), np.full(int(n), azimuth))
-        return Samples(theta_o, phi_o, weight, valid, np.where(valid, lobe.pdf(setup, *pairs), 0.0))
+        density = np.where(valid, lobe.pdf(setup, *pairs), 0.0)
+        return Samples(theta_o, phi_o, weight, valid, density, np.zeros(int(n), dtype=bool))
     theta_o, phi_o, valid = lobe.sample(setup, float(light), float(azimuth), int(n), rng)
+    mass = float(_mass(setup, light.reshape(1))[0])
+    mirrored = rng.random(theta_o.size) < mass if mass > 0.0 else np.zeros(theta_o.shape, dtype=bool)
     density = np.zeros(theta_o.shape)
     weight = np.zeros((theta_o.size, len(setup.channels)))
-    if np.any(valid):
-        to, phi = theta_o[valid], phi_o[valid] - float(azimuth)
+    if np.any(mirrored):
+        theta_o[mirrored], phi_o[mirrored] = light, np.mod(float(azimuth) + np.pi, 2.0 * np.pi)
+        weight[mirrored] = delta.reflectance(setup, light.reshape(1)) / mass
+    spread = valid & ~mirrored
+    if np.any(spread):
+        to, phi = theta_o[spread], phi_o[spread] - float(azimuth)
         pairs = (np.full(to.shape, light), to, phi, np.full(to.shape, azimuth))
-        density[valid] = lobe.pdf(setup, *pairs)
+        density[spread] = (1.0 - mass) * lobe.pdf(setup, *pairs)
         # the same rule as behind the pdf, so that its error cancels
         f = models.kernel(model).points(setup, *pairs, orders=0, tolerance=PDF_TOLERANCE)[:, 0, :]
         # a density of 0 at a drawn direction can only come from rounding at the edge of its support
-        safe = np.where(density[valid] > 0.0, density[valid], np.inf)
-        weight[valid] = f * (np.cos(to) / safe)[:, None]
-    return Samples(theta_o, phi_o, weight, valid, density)
+        safe = np.where(density[spread] > 0.0, density[spread], np.inf)
+        weight[spread] = f * (np.cos(to) / safe)[:, None]
+    return Samples(theta_o, phi_o, weight, valid | mirrored, density, mirrored, mass)
+
+
+def _mass(setup: Setup, theta_i: Array) -> Array:
+    """Return the probability (N,) with which light from polar angles (N,) is to take a delta's direction."""
+    own = getattr(models.sampler(setup.model.name), "mirror_mass", None)
+    return np.zeros(theta_i.size) if own is None else np.asarray(own(setup, theta_i))
 
 
 def pdf(
@@ -150,7 +172,8 @@ def pdf(
     -------
     ndarray
         1/sr with respect to the solid angle of the view direction, of the broadcast shape. It integrates to 1 minus
-        the share of invalid samples. Approximate for models that draw whole walks (smith-multi, smith-walk).
+        the share of invalid samples, and minus the probability (`Samples.mass`) of the mirror direction of a flat
+        interface. Approximate for models that draw whole walks (smith-multi, smith-walk).
 
     Raises
     ------
@@ -183,5 +206,5 @@ def pdf(
                 f"theta_i = {at[0]:g}, theta_o = {at[1]:g}, phi = {at[2]:g} degrees is the mirror direction, where the "
                 f"density of {model} is infinite; ask for a direction aside, or set max_bounces = 1"
             )
-        out[above] = models.sampler(model).pdf(setup, *pairs)
+        out[above] = (1.0 - _mass(setup, ti[above])) * models.sampler(model).pdf(setup, *pairs)
     return out.reshape(shape)

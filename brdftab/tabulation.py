@@ -165,7 +165,7 @@ def tabulate(
             "error": {"tolerance": asked, **judged.to_json(), **verdict(judged, asked, dtype)},
             "averaged_cells": len(run.cells) if layout.cell != "average" else layout.size,
             "method": run.method,
-            **physics(setup, run.engine, asked),
+            **physics(setup, run.engine, asked, layout),
             "kernel_time_s": run.kernel_time,
             "compile_time_s": compile_time,
             "total_time_s": 0.0,

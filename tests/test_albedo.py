@@ -132,3 +132,120 @@ def test_malformed_lists_of_roughness(text, tmp_path):
     assert result.exit_code == 2
     assert "roughness" in result.stderr
     assert not list(tmp_path.iterdir())
+
+
+# ---------------------------------------------------------------- fixed views, and light from below
+
+ANGLES = np.radians([10.0, 50.0, 80.0])
+
+
+@pytest.mark.parametrize(("ndf", "alpha"), [("ggx", 0.3), ("ggx", 0.8), ("beckmann", 0.8)])
+def test_compensation_of_a_fixed_view_returns_all_light(ndf, alpha):
+    """The factor 1 + (1 - E)/E belongs to the view: 1 to 2e-7 there, and 0.84 to 1.26 light by light."""
+    white = {"ndf": ndf, "alpha": alpha, "material": "mirror"}
+    np.testing.assert_allclose(brdftab.albedo("turquin", ANGLES, fixed="view", **white), 1.0, atol=1e-6)
+    assert np.abs(brdftab.albedo("turquin", ANGLES, **white) - 1.0).max() > 0.01
+    table = brdftab.tabulate_albedo("turquin", cosines=4, fixed="view", **white)
+    np.testing.assert_allclose(table.directional["reflected"], 1.0, atol=1e-6)
+    np.testing.assert_allclose(table.average["reflected"], 1.0, atol=1e-6)
+
+
+def test_a_fixed_view_adds_up_what_all_lights_send_there():
+    """Against sums of evaluate over a plain product rule of lights; measured 2e-10."""
+    x, w = np.polynomial.legendre.leggauss(48)
+    light, weight = 0.25 * math.pi * (1.0 + x), 0.25 * math.pi * w
+    azimuth = 2.0 * math.pi * np.arange(96) / 96
+    values = brdftab.evaluate("turquin", light[:, None], 0.9, azimuth, ndf="ggx", alpha=0.7)
+    expected = np.einsum("iac,i->c", values, weight * np.sin(light) * np.cos(light)) * 2.0 * math.pi / 96
+    np.testing.assert_allclose(brdftab.albedo("turquin", 0.9, fixed="view", ndf="ggx", alpha=0.7), expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("model", "given"),
+    [("smith", {"alpha": 0.5}), ("vgroove-sym", {"alpha_x": 0.3, "alpha_y": 0.6}), ("ilm", {"sigma": 0.0})],
+)
+def test_reciprocal_models_do_not_tell_view_from_light(model, given):
+    light, view = (brdftab.albedo(model, 0.7, phi_i=0.4, fixed=fixed, **given) for fixed in ("light", "view"))
+    np.testing.assert_allclose(view, light, rtol=1e-12)
+
+
+def test_dielectrics_keep_the_light_from_either_side():
+    """R + T of the solver from above and below, to 1e-3 asked: measured 1.9e-6 at most."""
+    angles = np.concatenate([ANGLES, math.pi - ANGLES])
+    glass = {"ior": 1.5, "alpha": 0.5, "tolerance": 1e-3}
+    total = brdftab.albedo("smith-multi", angles, **glass)
+    np.testing.assert_allclose(total, 1.0, atol=1e-5)
+    reflected, transmitted = (
+        brdftab.albedo("smith-multi", angles, part=part, **glass) for part in ("reflected", "transmitted")
+    )
+    np.testing.assert_allclose(reflected + transmitted, total, atol=5e-6)
+    table = brdftab.tabulate_albedo("smith-multi", cosines=2, **glass)
+    below = brdftab.albedo("smith-multi", math.pi - np.arccos(table.cosines), part="reflected", **glass)
+    np.testing.assert_allclose(table.directional["reflected_below"][0], below, atol=1e-5)
+    # what leaves upwards was refracted away from the normal: total reflection beyond 42 degrees
+    assert reflected[4, 0] > 0.6 > reflected[1, 0]
+
+
+def test_walks_split_as_the_walk_itself_does():
+    """Parts against the exits of samples, and smith-multi's own walks against its solver: standard errors of 1e-3."""
+    glass = {"ior": 1.5, "alpha": 0.5}
+    for theta in (0.9, math.pi - 0.9):
+        parts = [brdftab.albedo("smith-walk", theta, part=p, **glass)[0] for p in ("reflected", "transmitted")]
+        assert sum(parts) == pytest.approx(1.0, abs=1e-12)
+        drawn = brdftab.sample("smith-walk", theta, 40_000, seed=11, **glass)
+        same = ((drawn.theta_o < 0.5 * math.pi) == (theta < 0.5 * math.pi)).mean()
+        assert parts[0] == pytest.approx(same, abs=4.0 * math.hypot(1e-3, 0.5 / math.sqrt(40_000)))
+        drawn_apart, solved = (
+            brdftab.albedo("smith-multi", theta, part="reflected", tolerance=1e-3, estimator=e, **glass)[0]
+            for e in ("pt", "solver")
+        )
+        assert drawn_apart == pytest.approx(solved, abs=4e-3)
+
+
+@pytest.mark.parametrize("theta_o", [0.6, math.pi - 0.4])
+def test_what_passes_to_a_fixed_view_carries_the_square_of_the_index(theta_o):
+    """The n^2 of a fixed view against sums of evaluate over lights on the other side: measured 2.5e-4."""
+    x, w = np.polynomial.legendre.leggauss(24)
+    theta, weight = 0.25 * math.pi * (1.0 + x), 0.25 * math.pi * w
+    light = math.pi - theta if theta_o < 0.5 * math.pi else theta
+    azimuth = 2.0 * math.pi * np.arange(32) / 32
+    glass = {"ior": 1.5, "alpha": 0.8, "tolerance": 1e-4}
+    values = brdftab.evaluate("smith-multi", light[:, None], theta_o, azimuth, **glass)[..., 0]
+    expected = values.sum(axis=1) @ (weight * np.sin(theta) * np.cos(theta)) * 2.0 * math.pi / 32
+    found = brdftab.albedo("smith-multi", theta_o, part="transmitted", fixed="view", **glass)[0]
+    assert found == pytest.approx(expected, rel=5e-4)
+    other = brdftab.albedo("smith-multi", theta_o, part="transmitted", **glass)[0]
+    assert found / other == pytest.approx(1.5**-2 if theta_o < 0.5 * math.pi else 1.5**2, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("model", "theta", "given", "match"),
+    [
+        ("smith", 2.0, {}, r"theta_i = 114.592 degrees is outside \[0, 90\)"),
+        ("smith-multi", 0.5 * math.pi, {"ior": 1.5}, r"outside \[0, 180\] degrees without 90"),
+        ("smith-multi", 3.2, {"ior": 1.5}, r"outside \[0, 180\]"),
+        ("smith-multi", 2.0, {}, r"only surfaces that transmit"),
+        ("smith", 0.5, {"fixed": "both"}, "choose one of light, view"),
+        ("smith", 0.5, {"part": "half"}, "choose one of total, reflected, transmitted"),
+        ("smith", 0.5, {"part": "transmitted"}, "part = transmitted is of surfaces that transmit"),
+    ],
+)
+def test_bad_directions_and_parts_are_one_line(model, theta, given, match):
+    with pytest.raises(ParameterError, match=match) as caught:
+        brdftab.albedo(model, theta, **given)
+    assert "\n" not in str(caught.value)
+
+
+def test_files_say_whose_cosine_they_hold(tmp_path):
+    words = ["albedo", "--model", "turquin", "--alpha", "0.6", "--cosines", "3", "--fixed", "view", "--json"]
+    result = CliRunner().invoke(main, [*words, "--out", str(tmp_path / "a.npz")])
+    assert result.exit_code == 0, result.stderr
+    facts = json.loads(result.stdout)
+    assert facts["fixed"] == "view"
+    assert "lit by 1 from all sides" in facts["meaning"]
+    back = brdftab.read_albedo(tmp_path / "a.npz")
+    assert back.fixed == "view"
+    assert back.metadata()["fixed"] == "view"
+    light = brdftab.tabulate_albedo("turquin", cosines=3, alpha=0.6)
+    assert light.fixed == "light"
+    assert np.abs(light.directional["reflected"] - back.directional["reflected"]).max() > 0.01

@@ -37,10 +37,21 @@ def _values(text: str | None) -> list[float] | None:
     "  brdftab albedo --model smith-multi --ior 1.5 --alpha 0.3 --out glass.exr --out glass.npz"
 )
 @model_options
-@click.option("--cosines", type=int, default=32, help="Cells in the cosine of theta_i [default: 32].")
+@click.option(
+    "--cosines",
+    type=int,
+    default=32,
+    help="Cells in the cosine of the fixed direction [default: 32].",
+)
 @click.option("--roughness", metavar="LIST", help="Rows of alpha (sigma): start:stop:count or a,b,c [default: one].")
 @click.option(
     "--out", "outs", multiple=True, metavar="FILE", help="Output, .exr or .npz; may be repeated [default: albedo.exr]."
+)
+@click.option(
+    "--fixed",
+    type=click.Choice(["light", "view"]),
+    default="light",
+    help="Whose cosine it is: the light's (views are integrated over) or the view's [default: light].",
 )
 @click.option("--tolerance", type=float, default=1e-4, help="Absolute error asked [default: 1e-4].")
 @click.option("--overwrite", is_flag=True, help="Replace existing outputs.")
@@ -50,6 +61,7 @@ def albedo(
     cosines: int,
     roughness: str | None,
     outs: tuple[str, ...],
+    fixed: str,
     tolerance: float,
     overwrite: bool,
     as_json: bool,
@@ -58,7 +70,9 @@ def albedo(
     """Tabulate directional and average albedo over cosine and roughness, as renderers need for compensation.
 
     EXR: part albedo has a row a roughness and a column a cosine of theta_i; part average has one column. Surfaces that
-    transmit get the layers transmitted, reflected_below and transmitted_below beside it.
+    transmit get the layers transmitted, reflected_below and transmitted_below beside it: the last two are of light (or,
+    with --fixed view, of views) from below. Both choices of --fixed give the same for reciprocal models, but for n^2 of
+    what passes an interface; for others, such as a compensation scaled by the view, they do not.
     """
     from brdftab.albedos import tabulate_albedo, write_albedo
     from brdftab.errors import ParameterError
@@ -76,6 +90,7 @@ def albedo(
             cosines=cosines,
             roughness=rows,
             tolerance=tolerance,
+            fixed=fixed,
             progress=report,
             **given_parameters(model, options),
         )
@@ -88,7 +103,8 @@ def albedo(
         click.echo(json.dumps(facts, indent=2, allow_nan=False))
     else:
         click.echo(f"model        {model}")
-        click.echo(f"table        {len(table.roughness)} x {made['roughness_parameter']}, {len(table.cosines)} cosines")
+        count = f"{len(table.cosines)} cosines of the {table.fixed}"
+        click.echo(f"table        {len(table.roughness)} x {made['roughness_parameter']}, {count}")
         for name, values in table.average.items():
             for rough, row in zip(table.roughness, values, strict=True):
                 click.echo(f"average      {name}, {rough:g}: " + "  ".join(f"{v:.6f}" for v in row))

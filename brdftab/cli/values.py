@@ -75,6 +75,9 @@ def evaluate(
     rows = {"value": result["value"], **(result["components"] or {})}
     for name, values in rows.items():
         click.echo(f"{name:<14}" + "".join(f"{v:>18.10g}" for v in values))
+    if result["delta"]:
+        shares = "  ".join(f"{v:.10g}" for v in result["delta"])
+        click.echo(f"mirror direction of a flat interface: its reflectance {shares} is a delta, no part of the value")
     click.echo(f"estimated relative error {result['error']:.1e}, run time {result['run_time_s'] * 1e3:.3g} ms")
 
 
@@ -216,6 +219,7 @@ def _summary(table: Table, paths: tuple[str, ...], wall: float, as_json: bool) -
             "components": list(table.components),
             "albedo": albedo,
             "error": error,
+            "delta": made["delta"],
             "energy_left_out": made["energy_left_out"],
             "kernel_time_s": made["kernel_time_s"],
             "compile_time_s": made["compile_time_s"],
@@ -242,6 +246,10 @@ def _summary(table: Table, paths: tuple[str, ...], wall: float, as_json: bool) -
             click.echo(
                 f"spectrum     {count} wavelengths, error {spectral['error_against_5nm']:.0e} against 5 nm steps"
             )
+        if made["delta"]:
+            for angle, values in zip(made["delta"]["theta_i_degrees"], made["delta"]["reflectance"], strict=True):
+                click.echo(f"mirrored {angle:>2g}  " + "  ".join(f"{v:.5f}" for v in values))
+            click.echo(f"             {made['delta']['meaning']}")
         if made["energy_left_out"]:
             for angle, values in zip(albedo["theta_i_degrees"], made["energy_left_out"]["values"], strict=True):
                 click.echo(f"left out {angle:>2g}  " + "  ".join(f"{v:.2e}" for v in values))

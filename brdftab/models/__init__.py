@@ -155,7 +155,14 @@ def spec(name: str) -> Model:
 
 
 def kernel(name: str) -> ModuleType:
-    """Import and return a model's Numba kernel module (it compiles on first use)."""
+    """Import and return a model's Numba kernel module (it compiles on first use): ``points``, and what helps it.
+
+    Some have more: ``prepare`` (a fast path of tables), ``albedo``, ``smooth_albedo`` with ``specular_points``, and
+    ``split_albedo`` (albedos that the model integrates itself), ``singular_setup``, ``energy_left_out``, ``stochastic``
+    with ``estimates`` and ``estimate_table``, and ``mirror_reflectance`` (setup, theta_i (N,)): the share (N, C) of
+    light that is reflected into the mirror direction alone, a delta of the first component that no value holds; the
+    sampler then has ``mirror_mass``, the probability (N,) with which to draw that direction.
+    """
     return _module(name, ".kernel")
 
 

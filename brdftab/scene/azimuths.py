@@ -8,7 +8,7 @@ import time
 import numpy as np
 
 from brdftab.engine import Engine
-from brdftab.evaluation import singular_setup
+from brdftab.evaluation import has_mirror_averages
 from brdftab.grid import Grid
 from brdftab.scene.angles import part
 from brdftab.scene.knots import choose
@@ -52,7 +52,7 @@ def keep_azimuths(
     crossed = with_mirror_views(grid, crossed)
     product = math.prod(index.size for index in crossed.values())
     cells = sum(product // crossed[name].size * axis.size for name, axis in grid.axes.items())
-    if cells > MOST * grid.size or singular_setup(engine.setup) is not None:
+    if cells > MOST * grid.size or has_mirror_averages(engine.setup):
         return Kept(grid, 0, 0.0, 0.0, 0.0)
     few = {name: np.arange(min(2, axis.size)) for name, axis in grid.axes.items()}
     once(f"fill of {engine.setup.model.name}, 4 axes", lambda: slab(engine, grid, few, dtype))

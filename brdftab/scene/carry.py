@@ -10,15 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brdftab import delta
 from brdftab._version import __version__
 from brdftab.albedos import AlbedoTable
 from brdftab.attempts import MIRROR_NODES, Run
 from brdftab.cells import mirror_average
 from brdftab.engine import Engine, Progress
 from brdftab.estimate import cell_angles
-from brdftab.evaluation import is_stochastic, singular_setup
+from brdftab.evaluation import has_mirror_averages, is_stochastic
 from brdftab.models.setup import LUMINANCE, Setup, resolve
-from brdftab.provenance import machine
+from brdftab.provenance import ALBEDO_ANGLES, machine
 from brdftab.scene import albedo
 from brdftab.scene.lookup import interpolate
 from brdftab.scene.plan import Plan, Planned, added_up
@@ -135,7 +136,7 @@ def check(table: Table, plan: Plan, seed: int = 2) -> dict[str, Any]:
 def _mirror_cells(table: Table, plan: Plan, setup: Setup) -> tuple[Array, Array, Array] | None:
     """Return angles (4, K), looked-up and finer averages (K, C) of some cells that hold averages; None without any."""
     assert plan.full is not None
-    if singular_setup(setup) is None or plan.full.cell != "center":
+    if not has_mirror_averages(setup) or plan.full.cell != "center":
         return None
     cells = np.asarray(plan.full.mirror_cells()).reshape(-1, len(plan.full.shape))
     if not len(cells):
@@ -197,6 +198,7 @@ def carry_out(planned: Planned, progress: Progress | None = None) -> Table | Alb
         "cell": table.grid.cell,
         "error": error,
         "averaged_cells": len(run.cells),
+        "delta": delta.described(resolve(plan.model, **plan.given), table.grid, ALBEDO_ANGLES),
         "method": run.method,
         "variant": setup.model.variant,
         "citation": setup.model.citation,

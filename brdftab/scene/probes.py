@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from brdftab.cells import mirror_average
 from brdftab.engine import Engine
-from brdftab.evaluation import singular_setup
+from brdftab.evaluation import has_mirror_averages
 from brdftab.grid import Grid
 from brdftab.models.setup import Setup
 from brdftab.scene.plan import once
@@ -35,7 +35,7 @@ class Probes:
 
     def averages(self, setup: Setup, tolerance: float, orders: int) -> Array:
         """Return averages (K, P, C) over some cells that hold the mirror direction, where a model is singular."""
-        if singular_setup(setup) is None or self.grid.cell != "center":
+        if not has_mirror_averages(setup) or self.grid.cell != "center":
             return np.empty((0, 1, 1))
         cells = np.asarray(self.grid.mirror_cells()).reshape(-1, len(self.grid.shape))
         if not len(cells):

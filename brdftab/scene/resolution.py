@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from brdftab.attempts import fill_grid
 from brdftab.axes import TWO_PI
 from brdftab.engine import Engine
-from brdftab.evaluation import singular_setup
+from brdftab.evaluation import has_mirror_averages
 from brdftab.grid import Grid
 from brdftab.scene.angles import part
 from brdftab.scene.knots import choose, largest, to_log
@@ -115,7 +115,7 @@ def keep(engine: Engine, grid: Grid, tolerance: float, floor: float, dtype: str,
     """
     assert grid.phi is not None
     allowed = tolerance / AXES
-    singular = singular_setup(engine.setup) is not None
+    singular = has_mirror_averages(engine.setup)
     apart = 1 if singular and grid.cell == "center" and grid.phi.size > 2 else 0
     rows = spread(grid.theta_i.size, times * _lines(ROWS, COLUMNS * grid.phi.size))
     views = spread(grid.theta_o.size, times * _lines(COLUMNS, rows.size * grid.phi.size // times))

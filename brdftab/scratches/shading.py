@@ -46,7 +46,8 @@ def evaluate(
     Returns
     -------
     ndarray (..., C)
-        In 1/sr without cosine. Layers without area are not evaluated, and each distinct profile is traced once.
+        In 1/sr without cosine; of a flat interface as base without its mirror reflection, a delta that pictures
+        contain. Layers without area are not evaluated, and each distinct profile is traced once.
 
     Raises
     ------

@@ -217,7 +217,7 @@ class Scratch:
         # a density of 0 at a drawn direction can only come from rounding at the edge of its support
         safe = np.where(pdf > 0.0, pdf, math.inf)
         weight = np.where(valid[:, None], f * (np.cos(theta_o) / safe)[:, None], 0.0)
-        return Samples(theta_o, phi_o, weight, valid, pdf)
+        return Samples(theta_o, phi_o, weight, valid, pdf, np.zeros(valid.shape, dtype=bool))
 
     def pdf(
         self, theta_i: ArrayLike, theta_o: ArrayLike, phi: ArrayLike, *, phi_i: ArrayLike = 0.0, psi: float = PSI

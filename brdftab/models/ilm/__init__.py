@@ -18,7 +18,7 @@ SPEC = Model(
             "channels",
         ),
         Param("ndf", "", "beckmann", None, "normal distribution function", "choice", ("beckmann", "ggx", "gaussian")),
-        Param("sigma", "", 0.3, (0.0, 10.0), "roughness (slope scale; gaussian: tilt in radians); 0 is flat"),
+        Param("sigma", "", 0.3, (0.0, 10.0), "roughness (slope scale; gaussian: tilt in radians); flat below 1e-9"),
         Param("sigma_x", "", None, (0.0, 10.0), "roughness along azimuth 0 (Beckmann and GGX), with sigma_y"),
         Param("sigma_y", "", None, (0.0, 10.0), "roughness along azimuth 90 degrees, with sigma_x"),
         Param(

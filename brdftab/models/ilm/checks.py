@@ -11,8 +11,9 @@ TWIN_DIRECTIONS = 40
 # interreflections, which thinning would leave out
 SETTINGS = ({"bounces": "2", "kd": 0.9}, {"bounces": "inf", "kd": 0.9, "ndf": "ggx", "sigma": 0.7})
 FURNACE = (
-    {"bounces": "inf", "kd": 1.0, "sigma": 0.3},
-    {"bounces": "inf", "kd": 1.0, "ndf": "ggx", "sigma": 0.7, "ior": 2.0},
+    {"bounces": "inf", "kd": 1.0},
+    {"bounces": "inf", "kd": 1.0, "ior": 2.0},
+    {"bounces": "inf", "kd": 1.0, "ndf": "beckmann", "sigma": 0.0},
 )
 _BODY = {"kd": 0.5, "ior": 1.5, "sigma": 0.3}
 # series of the diffuse reflectance to its closed form, the plain rules to the split one, and the counts of nodes

@@ -10,11 +10,13 @@ from brdftab.models.ilm.cavity import specular_setup as singular_setup
 from brdftab.models.ilm.cavity_energy import energy_left_out
 from brdftab.models.ilm.single import parts, specular
 from brdftab.models.ilm.table import prepare
+from brdftab.models.microfacet.flat import mirror_reflectance
 from brdftab.models.setup import Setup
 
 __all__ = [
     "energy_left_out",
     "errors",
+    "mirror_reflectance",
     "points",
     "prepare",
     "singular_setup",
@@ -68,8 +70,8 @@ def points(
     orders : int
         0 for the total, else the components: specular, body and, unless bounces = 1, interreflection.
     tolerance : float
-        Relative error asked of the body integral. The specular part is exact, that of a flat surface (sigma = 0) a
-        mirror direction without a value, which is left out.
+        Relative error asked of the body integral. The specular part is exact; that of a flat surface (sigma = 0) has
+        no value: `mirror_reflectance` tells it.
 
     Returns
     -------

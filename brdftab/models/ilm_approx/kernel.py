@@ -9,10 +9,13 @@ import numpy as np
 
 from brdftab.jit import parallel_kernel
 from brdftab.models.ilm_approx.approximation import body
+from brdftab.models.microfacet.flat import mirror_reflectance
 from brdftab.models.microfacet.fresnel import reflectance
 from brdftab.models.microfacet.interface import body_factor
 from brdftab.models.microfacet.single import HORIZON, V_CAVITY, geometry
 from brdftab.models.setup import Setup
+
+__all__ = ["mirror_reflectance", "points"]
 
 
 @parallel_kernel
@@ -55,7 +58,8 @@ def points(
     orders : int
         0 for the total, else the components specular and body.
     tolerance : float
-        Has no influence: the specular part is exact, and the body has the approximation's own error
+        Has no influence: the specular part is exact (that of a flat surface has no value: `mirror_reflectance`
+        tells it), and the body has the approximation's own error
         (docs/ilm-approx.md), which no error estimate of a table counts. For a given error take the model ilm.
 
     Returns

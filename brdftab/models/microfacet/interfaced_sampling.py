@@ -2,8 +2,8 @@
 
 A path is specular with the share R_s/(R_s + R_b) of a flat interface, R_s = r_e and R_b = (1 - r_e)^2 kappa averaged
 over channels (Meneveaux et al. 2018, Sec. 4.1), whatever is between facets. The density is that of the mixture, so
-weights stay bounded where one lobe covers the other. A flat surface (sigma = 0) has no specular density and draws
-its body alone.
+weights stay bounded where one lobe covers the other. A flat surface (sigma = 0) has no specular density: these
+functions draw its body alone, and `mirror_mass` tells how often to take the mirror direction instead.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.models.microfacet.interface import body_factor, external_reflectance
+from brdftab.models.microfacet.flat import mirror_reflectance
+from brdftab.models.microfacet.interface import body_factor, external_reflectance, transmission
 from brdftab.models.microfacet.sampling import (
     Array,
     angles,
@@ -45,6 +46,24 @@ def specular_share(setup: Setup) -> float:
     total = float(outside.mean() + body.mean())
     share = float(outside.mean()) / total if total > 0.0 else 0.0
     return share if setup.values.get("bounces", "1") == "1" else min(share, MOST_SPECULAR)
+
+
+def mirror_mass(setup: Setup, theta_i: Array) -> Array:
+    """Return the probability (N,) with which light from polar angles (N,), radians, is to take the mirror direction.
+
+    R/(R + B) averaged over channels, B = kappa T(i) (1 - r_e) the albedo of a flat body; 0 where facets are tilted.
+    """
+    if setup.alpha_x > 0.0:
+        return np.zeros(theta_i.size)
+    assert setup.fresnel is not None
+    mirrored = mirror_reflectance(setup, theta_i).mean(axis=1)
+    kd, n = np.broadcast_arrays(setup.values["kd"], setup.fresnel.a)
+    body = np.zeros(theta_i.size)
+    for k, x in zip(kd.tolist(), n.tolist(), strict=True):
+        through = np.array([transmission(x, max(c, 0.0)) for c in np.cos(theta_i)])
+        body += body_factor(k, x) * (1.0 - external_reflectance(x)) * through / n.size
+    total = mirrored + body
+    return np.where(total > 0.0, mirrored / np.where(total > 0.0, total, 1.0), 0.0)
 
 
 def _most_tilted(sigma: float) -> float:

@@ -5,6 +5,8 @@ TOLERANCE = 1e-3
 THIN = {"fast": 30, "full": 8}
 DIRECTIONS = {"fast": 30, "full": 10}
 SCANS = {"fast": 1, "full": 1}
+# mirrors, and glass with light from either side
+FURNACE = ({"material": "mirror"}, {"ior": 1.5})
 # light from above and from within glass is solved apart at the tolerance above; 2.6e-6 measured between the two
 RECIPROCITY = 1e-5
 SKIP = {

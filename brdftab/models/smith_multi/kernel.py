@@ -52,8 +52,10 @@ def albedo(setup: Setup, theta_i: np.ndarray, phi_i: float, tolerance: float) ->
     return _road(setup).albedo(setup, theta_i, tolerance)
 
 
-def split_albedo(setup: Setup, theta_i: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return what a dielectric reflects and what it transmits, (N, C) each; light from either side."""
+def split_albedo(setup: Setup, theta_i: np.ndarray, phi_i: float, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return what a dielectric reflects and what it transmits, (N, C) each; light from either side, as `albedo`."""
+    if stochastic(setup):
+        return _road(setup).split_albedo(setup, theta_i, phi_i, max(tolerance, NOISE))
     return _road(setup).split_albedo(setup, theta_i, tolerance)
 
 

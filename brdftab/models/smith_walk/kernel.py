@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.models.microfacet.walk.estimates import Estimates
-from brdftab.models.microfacet.walk.exits import mean_exit
+from brdftab.models.microfacet.walk.exits import mean_exit, split_exit
 from brdftab.models.microfacet.walk.reflecting import reflecting
 from brdftab.models.microfacet.walk.survey import Road, at_points, on_grid
 from brdftab.models.microfacet.walk.through import transmitting
@@ -68,3 +68,9 @@ def albedo(setup: Setup, theta_i: Array, phi_i: float, tolerance: float) -> Arra
     Walks are drawn until the standard error is `tolerance` or 1e-3.
     """
     return np.array([mean_exit(setup, float(theta), phi_i, True, max(tolerance, NOISE)) for theta in theta_i])
+
+
+def split_albedo(setup: Setup, theta_i: Array, phi_i: float, tolerance: float) -> tuple[Array, Array]:
+    """Return what a dielectric reflects and what it transmits, (N, C) each; light from either side, as `albedo`."""
+    both = np.array([split_exit(setup, float(theta), phi_i, True, max(tolerance, NOISE)) for theta in theta_i])
+    return both[:, 0], both[:, 1]

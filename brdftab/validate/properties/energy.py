@@ -30,13 +30,16 @@ def brightest(setup: Setup) -> Setup:
 
 
 def albedos(setup: Setup, tolerance: float, few: bool = False) -> list[tuple[float, float, np.ndarray]]:
-    """Return (theta_i, phi_i, albedo (C,)) for the fixed lights, radians; with a grain also along it.
+    """Return (theta_i, phi_i, albedo (C,)) for the fixed lights, radians.
 
-    With `few` there is one light alone.
+    With a grain there are lights along it, too, and where the surface transmits also from below; with `few` there is
+    one alone on each side.
     """
     engine = Engine(setup, max(tolerance, TOLERANCE))
     azimuths = (AZIMUTH, 0.0) if setup.model.grain else (AZIMUTH,)
     lights = LIGHTS[2:3] if few else LIGHTS
+    if setup.transmits:
+        lights = (*lights, *(180.0 - angle for angle in lights))
     return [(float(t), a, directional(engine, float(t), a)[0]) for t in np.radians(lights) for a in azimuths]
 
 

@@ -18,7 +18,10 @@ ROUGHNESSES = (0.1, 0.5, 1.0)
 
 
 def furnaces(subject: Subject) -> list[Given]:
-    """Return the settings that must return all light: the model's own, else mirrors where all bounces count."""
+    """Return the settings that must return all light: the model's own, else mirrors where all bounces count.
+
+    Those that name no distribution or roughness are taken with several.
+    """
     own = subject.said("FURNACE", None)
     spec = subject.spec
     if own is None:
@@ -26,7 +29,12 @@ def furnaces(subject: Subject) -> list[Given]:
     if not spec.ndfs:
         return list(own)
     rough = ROUGHNESSES[1:2] if subject.fast else ROUGHNESSES
-    return [{**given, "ndf": ndf, spec.roughness: r} for given in own for ndf in spec.ndfs for r in rough]
+    found = []
+    for given in own:
+        ndfs = [given["ndf"]] if "ndf" in given else spec.ndfs
+        roughnesses = [given[spec.roughness]] if spec.roughness in given else rough
+        found += [{**given, "ndf": ndf, spec.roughness: r} for ndf in ndfs for r in roughnesses]
+    return found
 
 
 def reason(subject: Subject) -> str:

@@ -78,7 +78,7 @@ def distances(setup: Setup, theta_i: float, drawn: Samples, width: float = math.
     theta_o, phi, measure = nodes(setup, theta_i, width)
     density = pdf(setup.model.name, theta_i, theta_o, phi, phi_i=AZIMUTH, **setup.parameters)
     integral = features(theta_o, phi, theta_i) @ (density * measure)
-    seen = features(drawn.theta_o, drawn.phi_o - AZIMUTH, theta_i) * drawn.valid
+    seen = features(drawn.theta_o, drawn.phi_o - AZIMUTH, theta_i) * (drawn.valid & ~drawn.delta)
     noise = ERRORS * seen.std(axis=1) / math.sqrt(count) + QUADRATURE
     yield "moments against the density", float((np.abs(seen.mean(axis=1) - integral) / noise).max())
 

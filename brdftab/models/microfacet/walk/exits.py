@@ -125,13 +125,26 @@ def walks(
 
 def mean_exit(setup: Setup, theta_i: float, phi_i: float, heights: bool, tolerance: float) -> Array:
     """Return the share of light (C,) that leaves, to a standard error of `tolerance` or after 2^22 walks."""
-    total, squares = np.zeros(len(setup.channels)), np.zeros(len(setup.channels))
+    return _mean(setup, theta_i, phi_i, heights, tolerance, False)[0]
+
+
+def split_exit(setup: Setup, theta_i: float, phi_i: float, heights: bool, tolerance: float) -> Array:
+    """Return the shares of light (2, C) that leave on the light's own side and on the other one, as `mean_exit`."""
+    return _mean(setup, theta_i, phi_i, heights, tolerance, True)
+
+
+def _mean(setup: Setup, theta_i: float, phi_i: float, heights: bool, tolerance: float, split: bool) -> Array:
+    """Return mean weights (1, C) of walks that leave, or (2, C) by side."""
+    sides = 2 if split else 1
+    total, squares = np.zeros((sides, len(setup.channels))), np.zeros((sides, len(setup.channels)))
     first, last = 0, FIRST_WALKS
     while True:
-        _, weight, bounces = walks(setup, theta_i, phi_i, heights, last - first, 0, first)
+        directions, weight, bounces = walks(setup, theta_i, phi_i, heights, last - first, 0, first)
         weight[bounces == 0] = 0.0
-        total += weight.sum(axis=0)
-        squares += (weight * weight).sum(axis=0)
+        own = (directions[:, 2] > 0.0) == (theta_i < 0.5 * math.pi)
+        for side, part in enumerate((weight[own], weight[~own]) if split else (weight,)):
+            total[side] += part.sum(axis=0)
+            squares[side] += (part * part).sum(axis=0)
         mean = total / last
         spread = np.sqrt(np.maximum(squares / last - mean * mean, 0.0) / last)
         if spread.max() <= tolerance or last >= MOST_WALKS:

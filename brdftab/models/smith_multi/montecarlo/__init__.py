@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.models.microfacet.walk.estimates import Estimates
-from brdftab.models.microfacet.walk.exits import mean_exit
+from brdftab.models.microfacet.walk.exits import mean_exit, split_exit
 from brdftab.models.microfacet.walk.survey import Road, at_points, on_grid
 from brdftab.models.setup import Setup
 
-__all__ = ["Estimates", "albedo", "estimate_table", "estimates", "points"]
+__all__ = ["Estimates", "albedo", "estimate_table", "estimates", "points", "split_albedo"]
 
 Array = NDArray[np.float64]
 
@@ -93,3 +93,9 @@ def albedo(setup: Setup, theta_i: Array, phi_i: float, tolerance: float) -> Arra
     Walks are drawn until the standard error is `tolerance`, or 2^22 of them.
     """
     return np.array([mean_exit(setup, float(theta), phi_i, False, tolerance) for theta in theta_i])
+
+
+def split_albedo(setup: Setup, theta_i: Array, phi_i: float, tolerance: float) -> tuple[Array, Array]:
+    """Return what a dielectric reflects and what it transmits, (N, C) each; light from either side, as `albedo`."""
+    both = np.array([split_exit(setup, float(theta), phi_i, False, tolerance) for theta in theta_i])
+    return both[:, 0], both[:, 1]
