@@ -98,6 +98,13 @@ def spanning(model: str, values: Callable[[Param], list[Any]] = corners) -> list
     return found
 
 
+def ends(param: Param) -> list[Any]:
+    """Return the words of one parameter, or both its declared bounds."""
+    if param.kind in ("text", "choice") or param.bounds is None:
+        return corners(param)
+    return [int(x) if param.kind == "int" else x for x in param.bounds]
+
+
 def by_distribution(model: str) -> list[Given]:
     """Return every distribution with every extreme roughness that it takes, also along one axis only."""
     spec, rough = models.spec(model), models.spec(model).roughness
@@ -126,29 +133,34 @@ def thrifty(model: str, given: Given) -> Given:
 
 
 def setups(model: str, *, fast: bool = False) -> list[Setup]:
-    """Return the checked setups of a model at its default, its extremes, and what its folder adds; none twice.
+    """Return the checked setups of a model at its default, bounds and extremes, and what its folder adds.
 
-    With `fast` an even choice of them, or of `THIN` of them where the folder says that they are dear.
+    With `fast` an even choice of the extremes, or of `THIN` of them where the folder says that they are dear. The
+    default, the folder's own settings, and every word and both bounds of each parameter are never left out.
     """
     own = models.checks(model)
-    kept = everything(model)
+    kept, named = everything(model)
     step = getattr(own, "THIN", {}).get("fast" if fast else "full", 5 if fast else 1)
-    # the folder's own extremes are never left out
-    named = 1 + len(getattr(own, "SETTINGS", ()))
     return kept[:named] + kept[named::step]
 
 
 @cache
-def everything(model: str) -> list[Setup]:
-    """Return all setups of `setups`, in its order."""
+def everything(model: str) -> tuple[list[Setup], int]:
+    """Return all setups of `setups` in its order, and how many of them come before those that may be left out."""
     own = models.checks(model)
     # the default as it is: a metal with its wavelengths
     found = [resolve(model, **getattr(own, "CHEAP", {}))]
-    listed = [*getattr(own, "SETTINGS", ()), *by_distribution(model), *spanning(model, extremes)]
-    for given in listed:
-        try:
-            found.append(resolve(model, **thrifty(model, given)))
-        except BrdftabError:
-            # the cheap settings do not go with this one
-            found.append(resolve(model, **given))
-    return list({repr(s.parameters): s for s in found}.values())
+    always = [*getattr(own, "SETTINGS", ()), *spanning(model, ends)]
+    found += [_resolved(model, given) for given in always]
+    named = len({repr(s.parameters) for s in found})
+    found += [_resolved(model, given) for given in [*by_distribution(model), *spanning(model, extremes)]]
+    return list({repr(s.parameters): s for s in found}.values()), named
+
+
+def _resolved(model: str, given: Given) -> Setup:
+    """Return the setup of some parameters, the cheap ones of its kind where they go with it."""
+    try:
+        return resolve(model, **thrifty(model, given))
+    except BrdftabError:
+        # the cheap settings do not go with this one
+        return resolve(model, **given)
