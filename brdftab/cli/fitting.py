@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 LOSSES = ("log", "logeps", "cbrt", "cosine", "l1p")
 SOLVERS = ("levenberg-marquardt", "dogleg")
+# what is said of a held parameter by where it comes from
+ORIGIN = {"user": "", "file": " (from the file)", "default": " (default)"}
 
 
 @click.command(
@@ -68,7 +70,8 @@ def fit(
 ) -> None:
     """Fit models to a table or measurement (EXR, NPZ, MERL, RGL): values, errors, warnings.
 
-    NAME may be a sum, as smith+lambert, or several separated by commas, which are then ranked.
+    NAME may be a sum, as smith+lambert, or several separated by commas, which are then ranked; --predict writes the
+    best by BIC. Choices such as --ndf and --masking are those that a table was made with unless given.
     """
     from brdftab.errors import ParameterError
     from brdftab.fitting.run import fit as run
@@ -78,8 +81,6 @@ def fit(
     from brdftab.io.atomic import check_target, write_text
 
     names = [n.strip() for n in model.split(",")]
-    if predicted and len(names) > 1:
-        raise ParameterError(f"predict = {predicted} needs one model, not {len(names)}; fit the best one again")
     if grid and not predicted:
         raise ParameterError(f"grid = {grid} needs --predict beside it")
     if predicted:
@@ -97,14 +98,15 @@ def fit(
         results.append(
             run(source, name, free, theta_max=turned, robust=_robust(robust), fixed=fixed, start=start, **how)
         )
-    facts: dict[str, Any] = results[0].to_json()
+    best = min(results, key=lambda r: r.bic)
+    facts: dict[str, Any] = best.to_json()
     if len(results) > 1:
         facts = {"fits": [r.to_json() for r in results], "ranking": rank(results)}
     text = json.dumps(facts, indent=2, allow_nan=False)
     if out:
         write_text(out, text + "\n", overwrite=overwrite)
     if predicted:
-        write(results[0].predict(grid), predicted, overwrite=overwrite)
+        write(best.predict(grid), predicted, overwrite=overwrite)
     if as_json:
         click.echo(text)
         return
@@ -112,9 +114,10 @@ def fit(
         _show(result)
     if len(results) > 1:
         _show_ranking(results, facts["ranking"])
-    for path in (out, predicted):
-        if path:
-            click.echo(f"wrote        {path}")
+    if out:
+        click.echo(f"wrote        {out}")
+    if predicted:
+        click.echo(f"wrote        {predicted}" + (f" ({best.model}, the best by BIC)" if len(results) > 1 else ""))
 
 
 def _robust(text: str | None) -> float | str | None:
@@ -186,10 +189,21 @@ def _shown(result: FitResult, name: str, value: float) -> float:
     return math.degrees(value) if _unit(result.model, name) == "rad" else value
 
 
+def _held(result: FitResult, name: str, value: Any) -> str:
+    """Return a held value in the command line's unit."""
+    if isinstance(value, list | tuple):
+        return ",".join(_held(result, name, v) for v in value)
+    return f"{_shown(result, name, value):.6g}" if isinstance(value, float) else str(value)
+
+
 def _show(result: FitResult) -> None:
     """Print one fit."""
     click.echo(f"model        {result.model}")
-    fixed = [f"{label}.{k} = {v}" for label, given in result.fixed.items() for k, v in given.items()]
+    fixed = [
+        f"{label}.{name} = {_held(result, f'{label}.{name}', value)}{ORIGIN[result.fixed_from[label][name]]}"
+        for label, given in result.fixed.items()
+        for name, value in given.items()
+    ]
     if fixed:
         click.echo(f"fixed        {', '.join(fixed)}")
     points = result.points

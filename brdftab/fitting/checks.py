@@ -25,6 +25,8 @@ NOTICEABLE = 0.02
 def reciprocity_floor(source: Source, theta_max: float | None = None, seed: int = 0) -> float | None:
     """Return half the RMS of ln f(i, o)/f(o, i): no reciprocal model can have a smaller log-RMS.
 
+    Independent noise of a size s in ln f shows as s/sqrt 2.
+
     Parameters
     ----------
     source : Table, Measurement, str or path-like
@@ -122,7 +124,14 @@ def _cosine(found: Measurement, top: float, seed: int) -> list[str]:
 def _mismatch(found: Measurement, top: float, seed: int) -> tuple[Array, Array]:
     """Return ln f(i, o)/f(o, i) over valid positive pairs of all channels, and ln cos(theta_i)/cos(theta_o)."""
     theta_i, theta_o, phi = stratified(top, PAIRS, seed)
-    one, valid = found.at(theta_i, theta_o, phi)
+    cells = found.cells_at(theta_i, theta_o, phi)
+    if cells is None:
+        one, valid = found.at(theta_i, theta_o, phi)
+    else:
+        # between cells the noise of neighbours averages out and would look smaller than it is
+        theta_i, theta_o, phi = cells.theta_i, cells.theta_o, cells.phi
+        one, valid = cells.values, cells.valid & np.isfinite(cells.values)
+        valid = valid & (np.maximum(theta_i, theta_o) <= top + 1e-12)[:, None]
     # light and view change places: phi_i - phi_o
     two, valid_too = found.at(theta_o, theta_i, -phi)
     both = valid & valid_too & (one > 0.0) & (two > 0.0)

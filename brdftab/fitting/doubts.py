@@ -13,8 +13,11 @@ from brdftab.fitting.engine import AGREE, BIAS, Outcome
 
 Array = NDArray[np.float64]
 CORRELATED = 0.95
-# a log-RMS of 0.3 is a typical factor of 1.35
+# a log-RMS of 0.3 is a typical factor of 1.35; it counts where the data do not tell how far they can be believed
 POOR = 0.3
+# where they do: independent noise lies sqrt 2 above the reciprocity floor that it leaves, and the floor of data that
+# are reciprocal by construction says nothing of their noise, which is rarely below this
+ABOVE_FLOOR, NOISE = 1.5, 0.1
 # relative standard error from which on a parameter says little
 VAGUE = 0.3
 
@@ -29,6 +32,7 @@ def doubts(
     bias: Array,
     metrics: dict[str, Any],
     by_theta: Sequence[dict[str, Any]],
+    judged: float,
 ) -> list[str]:
     """Return warnings.
 
@@ -50,6 +54,8 @@ def doubts(
         With the reciprocity floor.
     by_theta : sequence of dict
         Error by theta_i.
+    judged : float
+        Log-RMS over what is brighter than the data's floor and the noise floor.
     """
     lines = []
     if outcome.verdict != "converged":
@@ -62,7 +68,7 @@ def doubts(
         if not at_bound[n] and spread[n] > VAGUE * abs(outer[n]):
             lines.append(f"{name} = {outer[n]:.3g} +- {spread[n]:.2g} is hardly determined by the data")
     lines += _starts(outcome)
-    lines += _misfit(metrics, by_theta)
+    lines += _misfit(metrics, by_theta, judged)
     worst = np.abs(bias)
     if worst.size and worst.max() > BIAS:
         name = labels[int(worst.argmax())]
@@ -105,13 +111,13 @@ def _starts(outcome: Outcome) -> list[str]:
     return lines
 
 
-def _misfit(metrics: dict[str, Any], by_theta: Sequence[dict[str, Any]]) -> list[str]:
-    """Doubt a model that the data do not follow."""
+def _misfit(metrics: dict[str, Any], by_theta: Sequence[dict[str, Any]], judged: float) -> list[str]:
+    """Doubt a model that the data do not follow as well as they follow themselves."""
     lines = []
-    log_rms, floor = metrics["log_rms"], metrics["reciprocity_floor"]
-    if log_rms > POOR:
+    floor = metrics["reciprocity_floor"]
+    if judged > (POOR if floor is None else max(ABOVE_FLOOR * floor, NOISE)):
         beside = f"; the data's own reciprocity floor is {floor:.3f}" if floor is not None else ""
-        lines.append(f"poor fit: log-RMS {log_rms:.3f}, typically wrong by a factor of {math.exp(log_rms):.2f}{beside}")
+        lines.append(f"poor fit: log-RMS {judged:.3f}, typically wrong by a factor of {math.exp(judged):.2f}{beside}")
     means = [b for b in by_theta if b["mean"] is not None and b["count"] >= 100]
     if means:
         worst = max(means, key=lambda b: abs(b["mean"]))

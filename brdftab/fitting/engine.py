@@ -95,14 +95,14 @@ class Points(NamedTuple):
     saturated: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, data: Dataset, options: Options, pick: Any) -> Points:
+    def of(cls, data: Dataset, options: Options, pick: Any, floor: float) -> Points:
         """Return the picked points of a data set as the loss sees them."""
         theta_i, theta_o, phi = (a[pick] for a in (data.theta_i, data.theta_o, data.phi))
         values, valid, saturated = (a[pick] for a in (data.values, data.valid, data.saturated))
         used = valid & losses.usable(options.loss, np.where(valid, values, 1.0))
         safe = np.where(used, values, 1.0)
         cosine = np.cos(theta_i)
-        target = losses.transform(options.loss, safe, cosine[:, None])
+        target = losses.transform(options.loss, safe, cosine[:, None], floor)
         weight = np.where(used, losses.noise_weight(options.loss, safe, options.noise_floor), 0.0)
         return cls(theta_i, theta_o, phi, safe, target, weight, saturated & used)
 
@@ -149,11 +149,12 @@ class Fitter:
         data, options = self.data, self.options
         count = data.theta_i.size
         pick = np.random.default_rng(options.seed + 1).permutation(count)[: SMALL * gram.CHUNK]
-        self.few = Points.of(data, options, pick)
+        self.floor = losses.dark(data.values[data.valid])
+        self.few = Points.of(data, options, pick, self.floor)
         self.small = self.few.packed(SMALL)
         self.large, self.residuals = None, self.few.residuals
         if count > pick.size:
-            whole = Points.of(data, options, slice(None))
+            whole = Points.of(data, options, slice(None), self.floor)
             self.large, self.residuals = whole.packed(-(-count // gram.CHUNK)), whole.residuals
 
     def run(self) -> Outcome:
@@ -189,7 +190,8 @@ class Fitter:
         else:
             # a step that promises this share of the cost moves the answer by NEGLIGIBLE standard errors
             pace = (solver.NEAR, NEGLIGIBLE**2 / max(self.residuals, 1))
-        args = (starts, count, self.low, self.high, self.fixed, scale, data, used, pace)
+        scales = gram.Scales(scale, self.floor)
+        args = (starts, count, self.low, self.high, self.fixed, scales, data, used, pace)
         options = self.options
         before = _compiled.cache_info().misses
         started = time.perf_counter()
@@ -253,7 +255,8 @@ class Fitter:
             return float(self.options.robust)
         few = self.few
         fitted = self.predict(x, few.theta_i, few.theta_o, few.phi)
-        r = (losses.transform(self.options.loss, fitted, np.cos(few.theta_i)[:, None]) - few.target) * few.weight
+        cosine = np.cos(few.theta_i)[:, None]
+        r = (losses.transform(self.options.loss, fitted, cosine, self.floor) - few.target) * few.weight
         return max(1.5 * losses.robust_scale(r[few.weight > 0.0]), 1e-12)
 
     def predict(self, x: Array, theta_i: Array, theta_o: Array, phi: Array, rule: float | None = None) -> Array:
@@ -281,7 +284,7 @@ class Fitter:
         """
         few = Points._make(a[:CHECKED] for a in self.few)
         exact = self.predict(outcome.x, few.theta_i, few.theta_o, few.phi, rule=0.01 * outcome.rule)
-        target = losses.transform(self.options.loss, exact, np.cos(few.theta_i)[:, None])
+        target = losses.transform(self.options.loss, exact, np.cos(few.theta_i)[:, None], self.floor)
         clean = few._replace(
             target=target, weight=np.where(few.saturated, 0.0, few.weight), saturated=np.zeros_like(few.saturated)
         )

@@ -19,8 +19,8 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.fitting.losses import curvature, soft_l1, transform
-from brdftab.fitting.terms import Sum
+from brdftab.fitting.losses import OFFSETS, curvature, soft_l1, transform
+from brdftab.fitting.terms import Sum, optics
 from brdftab.models import twin
 from brdftab.models.microfacet.twin.frame import Directions, directions
 from brdftab.models.microfacet.twin.static import Static
@@ -29,6 +29,13 @@ from brdftab.models.twins import prepared, split
 
 Array = NDArray[np.float64]
 CHUNK = 1024
+
+
+class Scales(NamedTuple):
+    """Numbers of the loss: where soft-L1 turns linear, and what the log loss adds on both sides (1/sr)."""
+
+    robust: Any = 1.0
+    floor: Any = OFFSETS["log"]
 
 
 class Data(NamedTuple):
@@ -100,7 +107,7 @@ def problem(total: Sum, loss: str, robust: bool, tolerance: float) -> tuple[Prob
     statics, fixed = [], []
     for at, term in enumerate(total.terms):
         middle = {v.param: max(v.low, min(0.5, v.high)) if not v.log else 0.3 for v in total.variables if v.term == at}
-        if "ior" in middle:
+        if "ior" in middle and "ior" in optics(term.model):
             middle["ior"] = 1.5
         movable = hasattr(twin(term.model.name), "rule_nodes")
         static, params = split(term.setup(middle), 1e-2 if movable else tolerance)
@@ -109,7 +116,7 @@ def problem(total: Sum, loss: str, robust: bool, tolerance: float) -> tuple[Prob
 
     def slot(variable: Any) -> Slot:
         term = total.terms[variable.term]
-        index = variable.param == "f0" and not term.model.has("material")
+        index = variable.param == "f0" and "f0" in optics(term.model) and not term.model.has("material")
         return Slot(variable.term, term.canonical(variable.param), variable.log, index)
 
     made = Problem(tuple(statics), tuple(map(slot, total.shared)), tuple(map(slot, total.own)), loss, robust)
@@ -266,18 +273,18 @@ def values(made: Problem, x: Any, fixed: Any, d: Directions) -> Any:
     return jax.vmap(one)(own, numbers, _solved(made, x[:ns], own, fixed))
 
 
-def _residual(made: Problem, f: Any, chunk: Any, scale: Any) -> tuple[Any, Any]:
+def _residual(made: Problem, f: Any, chunk: Any, scale: Scales) -> tuple[Any, Any]:
     """Return the (robust) residual of one channel (N,), and the weight of its square in the covariance's bread."""
     target, weight, saturated, cosine = chunk
-    r = (transform(made.loss, f, cosine) - target) * weight
+    r = (transform(made.loss, f, cosine, scale.floor) - target) * weight
     # a saturated value says only that the truth is not lower
     r = jnp.where(saturated, jnp.minimum(r, 0.0), r)
     if not made.robust:
         return r, r
-    return soft_l1(r, scale), r
+    return soft_l1(r, scale.robust), r
 
 
-def _chunk(made: Problem, x: Any, fixed: Any, solved: Any, scale: Any, chunk: Data) -> tuple[Any, Any, Any]:
+def _chunk(made: Problem, x: Any, fixed: Any, solved: Any, scale: Scales, chunk: Data) -> tuple[Any, Any, Any]:
     """Return J (C, m, N), the residual and the plain residual (C, N) of one chunk; m = shared and own entries.
 
     `solved` comes from `_pushed`.
@@ -336,7 +343,7 @@ class Sums(NamedTuple):
 
 
 @partial(jax.jit, static_argnums=0)
-def sums(made: Problem, x: Any, fixed: Any, scale: Any, data: Any, used: Any) -> Sums:
+def sums(made: Problem, x: Any, fixed: Any, scale: Scales, data: Any, used: Any) -> Sums:
     """Return the sums over the first `used` chunks (a traced number: one compilation serves subset and whole)."""
     ns, no = len(made.shared), len(made.own)
     channels = (data.shape[1] - len(ROWS)) // 2
@@ -357,7 +364,7 @@ def sums(made: Problem, x: Any, fixed: Any, scale: Any, data: Any, used: Any) ->
         bread = blocks[:, :-1, :-1]
         if made.robust:
             # the slope of the robust residual is undone before the curvature of its loss is put in
-            weight = curvature(plain, scale) / _slope(plain, scale) ** 2
+            weight = curvature(plain, scale.robust) / _slope(plain, scale.robust) ** 2
             bread = jnp.einsum("can,cn,cbn->cab", jac, weight, jac)
         # one direction is one cluster: noise that its channels share does not average out
         pull = jac * r[:, None]
@@ -379,10 +386,10 @@ def _slope(r: Any, scale: Any) -> Any:
 
 def compress(gram: Any) -> tuple[Any, Any]:
     """Return residual (m + 1,) and Jacobian (m + 1, m) with the same cost, gradient and J^T J as the whole data."""
-    d = jnp.sqrt(jnp.diag(gram))
-    d = jnp.where(d > 0.0, d, 1.0)
+    d = jnp.where(jnp.diag(gram) > 0.0, jnp.sqrt(jnp.diag(gram)), 1.0)
     n = gram.shape[0]
-    lower = jnp.linalg.cholesky(gram / d / d[:, None] + 1e-14 * jnp.eye(n))
+    # above the rounding of sums over 1e5 directions: residuals that J explains wholly make the matrix singular
+    lower = jnp.linalg.cholesky(gram / d / d[:, None] + 1e-12 * jnp.eye(n))
     root = lower.T * d
     return root[:, -1], root[:, :-1]
 

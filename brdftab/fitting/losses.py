@@ -9,8 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-# value (1/sr) added on both sides of each loss: far below what is measured in log, the headline metric's in logeps
+# value (1/sr) added on both sides of each loss: the headline metric's in logeps; log takes that of its data instead
 OFFSETS = {"log": 1e-9, "logeps": 1e-3, "cbrt": 1e-9, "cosine": 0.0, "l1p": 1.0}
+# share of the data's mean below which no instrument measures: six decades are what the best goniometers span, and the
+# mean neither grows with a mirror peak as the largest value does nor falls with dark directions as the median does
+DARK = 1e-6
 LOSSES = tuple(OFFSETS)
 MEANING = {
     "log": "ln f",
@@ -21,14 +24,22 @@ MEANING = {
 }
 
 
-def transform(loss: str, f: Any, cosine: Any) -> Any:
-    """Return what the residual compares; `f` (..., N) in 1/sr, `cosine` (N,) of theta_i. NumPy or JAX arrays."""
+def dark(values: Array) -> float:
+    """Return the value (1/sr) that the log loss adds on both sides, from the valid values of all channels."""
+    return max(DARK * float(np.mean(np.maximum(values, 0.0))), 1e-300) if values.size else OFFSETS["log"]
+
+
+def transform(loss: str, f: Any, cosine: Any, floor: Any = OFFSETS["log"]) -> Any:
+    """Return what the residual compares; `f` (..., N) in 1/sr, `cosine` (N,) of theta_i. NumPy or JAX arrays.
+
+    `floor` is the offset of the log loss in 1/sr.
+    """
     xp = jnp if not isinstance(f, np.ndarray) else np
     if loss == "cosine":
         return f * cosine
     if loss == "cbrt":
         return xp.cbrt(xp.maximum(f, 0.0) * cosine + OFFSETS["cbrt"])
-    return xp.log(xp.maximum(f, 0.0) + OFFSETS[loss])
+    return xp.log(xp.maximum(f, 0.0) + (floor if loss == "log" else OFFSETS[loss]))
 
 
 def usable(loss: str, values: Array) -> NDArray[np.bool_]:

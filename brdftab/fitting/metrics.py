@@ -12,19 +12,24 @@ from brdftab.errors import ParameterError
 
 Array = NDArray[np.float64]
 OFFSET = 1e-3
-# a fit of exactly 0 where something was measured would make the log-RMS infinite
+# what is darker (1/sr) counts as this in the log-RMS, in fit and data alike: no one measures it
 LEAST = 1e-9
 
 
 def metrics(
-    fit: ArrayLike, data: ArrayLike, valid: ArrayLike, theta_i: ArrayLike, theta_o: ArrayLike
+    fit: ArrayLike,
+    data: ArrayLike,
+    valid: ArrayLike,
+    theta_i: ArrayLike,
+    theta_o: ArrayLike,
+    floor: float = LEAST,
 ) -> dict[str, float]:
     """Return the error metrics over the valid values of all channels together.
 
     With g the fit, f the data (1/sr), <> the mean over valid values, c = cos(theta_i), e = 0.001/sr:
 
     - ``logeps`` = sqrt <ln((g + e)/(f + e))^2>, the headline: relative where f is large, absolute below e;
-    - ``log_rms`` = sqrt <ln(g/f)^2> over f > 0; g below 1e-9/sr counts as 1e-9/sr;
+    - ``log_rms`` = sqrt <ln(g/f)^2> over f > 0; g and f below the `floor` count as the floor;
     - ``cube_root_rms`` = sqrt(<(cbrt(g c) - cbrt(f c))^2> / <cbrt(f c)^2>), the perceptual metric of Fores et al.,
       "Toward a Perceptually Based Metric for BRDF Modeling", CIC 2012, with the cosine of the light, relative to the
       data;
@@ -38,6 +43,8 @@ def metrics(
     valid : array_like of bool, shape (N, C)
     theta_i, theta_o : array_like, shape (N,)
         Radians. Only theta_i enters, `theta_o` is checked for its shape.
+    floor : float, optional
+        1/sr, above 0.
 
     Returns
     -------
@@ -51,7 +58,7 @@ def metrics(
     """
     g, f, cosine = _pooled(fit, data, valid, theta_i, theta_o)
     positive = f > 0.0
-    ratio = np.log(np.maximum(g[positive], LEAST) / f[positive])
+    ratio = np.log(np.maximum(g[positive], floor) / np.maximum(f[positive], floor))
     g0, f0 = np.maximum(g, 0.0), np.maximum(f, 0.0)
     root = np.cbrt(f0 * cosine)
     return {

@@ -37,7 +37,9 @@ class FitResult:
     stderr_classical : dict
         The same from s^2 (J^T J)^-1, which assumes independent noise of one size.
     fixed : dict
-        Parameters that were held, by term.
+        Parameters that were held, by term, defaults included.
+    fixed_from : dict
+        Where each of them comes from, by term: "user", "file" (the data's own provenance) or "default".
     correlation : ndarray (n, n)
         Of the entries named by `labels`.
     labels : list of str
@@ -50,7 +52,7 @@ class FitResult:
     points : dict
         Directions, residuals used, saturated ones, and what was left out a channel, by reason.
     loss : dict
-        Residual, robust scale and noise floor.
+        Residual with the floor of the logarithm (1/sr), robust scale and noise floor.
     starts : dict
         Tried, how many agreed with the best, and the cost each ended with.
     solver : dict
@@ -61,6 +63,8 @@ class FitResult:
         Seconds: compile, starts, first_stage, polish, total.
     warnings : list of str
         One line each; empty for a fit that nothing speaks against.
+    alternatives : list of FitResult
+        The other models where several were fitted, best first by BIC.
     source, sampling : str
         Where the data come from and how directions were chosen.
     """
@@ -71,6 +75,7 @@ class FitResult:
     stderr: dict[str, Any]
     stderr_classical: dict[str, Any]
     fixed: dict[str, dict[str, Any]]
+    fixed_from: dict[str, dict[str, str]]
     correlation: Array
     labels: list[str]
     metrics: dict[str, float | None]
@@ -86,6 +91,7 @@ class FitResult:
     sampling: str
     total: Sum = field(repr=False)
     warnings: list[str] = field(default_factory=list)
+    alternatives: list[FitResult] = field(default_factory=list, repr=False)
 
     def _parameters(self, term: Term, at: int) -> dict[str, Any]:
         """Return all parameters of one term for the evaluating functions."""
@@ -144,6 +150,12 @@ class FitResult:
         Table
             The sum, with the fit in its provenance.
         """
+        if len(self.total.terms) == 1 and len(self.channels) in (1, 3):
+            (term,) = self.total.terms
+            table = tabulate(term.model.name, grid, dtype=dtype, tolerance=tolerance, **self._parameters(term, 0))
+            if table.channels == self.channels:
+                table.provenance["fit"] = self.to_json()
+                return table
         tables = []
         for at, term in enumerate(self.total.terms):
             given = self._parameters(term, at)
@@ -175,7 +187,8 @@ class FitResult:
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as plain JSON; numbers that do not exist are null, angles are radians."""
-        facts = {name: getattr(self, name) for name in self.__dataclass_fields__ if name != "total"}
+        left = ("total", "alternatives")
+        facts = {name: getattr(self, name) for name in self.__dataclass_fields__ if name not in left}
         facts = {"format": "brdftab-fit", "format_version": 1, "version": __version__, **facts}
         return _plain(facts)
 

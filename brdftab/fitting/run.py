@@ -14,12 +14,14 @@ from brdftab.errors import ParameterError
 from brdftab.fitting.data import Dataset, dataset, suspicions
 from brdftab.fitting.doubts import doubts
 from brdftab.fitting.engine import STARTS, Fitter, Options, Outcome, covariance
+from brdftab.fitting.held import held
 from brdftab.fitting.losses import LOSSES, MEANING
 from brdftab.fitting.metrics import error_by_theta, metrics
 from brdftab.fitting.result import FitResult
 from brdftab.fitting.solver import MAX_STEPS, SOLVERS
 from brdftab.fitting.source import Source, load
-from brdftab.fitting.terms import Sum, parse
+from brdftab.fitting.terms import Sum, parse, shares
+from brdftab.table import Table
 
 Array = NDArray[np.float64]
 THETA_MAX = math.radians(75.0)
@@ -54,14 +56,15 @@ def fit(
     data : Table, Measurement, str or path-like
         A table, or a file that `brdftab.read` reads (EXR, NPZ, MERL, RGL). Validity is a value's, not a cell's.
     model : str
-        Registry name, or several joined by ``+``.
+        Registry name, or several joined by ``+``; several of these separated by commas are fitted to the same points.
     free : sequence of str or str, optional
         Parameters to fit, as ``"kd,sigma"``; by default all that can be, with ``f0`` a channel for facets. In a sum a
         name that several terms have is qualified, as ``smith.alpha``; a second smith is ``smith2``.
     theta_max : float, optional
         Largest polar angle of light and view, radians in (0, pi/2]; default 75 degrees.
     loss : {"log", "logeps", "cbrt", "cosine", "l1p"}, optional
-        What the residual compares: ln f, ln(f + 0.001), cube root of f cos(theta_i), f cos(theta_i), ln(1 + f).
+        What the residual compares: ln(f + 1e-6 of the data's mean), ln(f + 0.001), cube root of f cos(theta_i),
+        f cos(theta_i), ln(1 + f).
     robust : float or "auto", optional
         Scale of the soft-L1 loss in units of the residual; "auto" takes 1.5 times the spread of a first fit.
     sampling : {"uniform", "solid-angle", "grid"}, optional
@@ -86,11 +89,13 @@ def fit(
     fixed : mapping, optional
         Fixed parameters by qualified name, as ``{"smith2.ndf": "beckmann"}``.
     **fixed_parameters
-        Fixed parameters by plain name, in API units; choices such as ndf (ggx unless given) among them.
+        Fixed parameters by plain name, in API units; choices such as ndf among them. A choice that is not given is the
+        one that the table's own provenance names, else the model's default. Of several models each takes what it knows.
 
     Returns
     -------
     FitResult
+        Of several models the best by BIC, the others in its ``alternatives`` in this order.
 
     Raises
     ------
@@ -100,9 +105,11 @@ def fit(
         If no value is valid, or none of one channel.
     """
     began = time.perf_counter()
-    total = parse(model, _names(free), {**fixed_parameters, **(fixed or {})})
     options = _options(loss, robust, noise_floor, solver, starts, start, max_steps, seed)
     source = load(data)
+    made = source.provenance if isinstance(source, Table) else {}
+    given = {**fixed_parameters, **(fixed or {})}
+    sums = [parse(name, _names(free), part, made) for name, part in shares(model, given)]
     points = dataset(
         source,
         theta_max=THETA_MAX if theta_max is None else theta_max,
@@ -112,10 +119,16 @@ def fit(
         saturation=saturation,
         positive=loss == "log",
     )
-    result = fit_points(total, points, options)
-    result.warnings += suspicions(source, theta_max, seed)
-    result.times["total"] = time.perf_counter() - began
-    return result
+    doubted = suspicions(source, theta_max, seed)
+    results = []
+    for total in sums:
+        results.append(fit_points(total, points, options))
+        results[-1].warnings += doubted
+        results[-1].times["total"] = time.perf_counter() - began
+        began = time.perf_counter()
+    best, *rest = sorted(results, key=lambda r: r.bic)
+    best.alternatives = rest
+    return best
 
 
 def _names(free: Sequence[str] | str | None) -> list[str] | None:
@@ -167,7 +180,9 @@ def fit_points(total: Sum, points: Dataset, options: Options) -> FitResult:
     fitted = fitter.predict(outcome.x, points.theta_i, points.theta_o, points.phi)
     # where values are clipped, a fit above them is no error
     shown = np.where(points.saturated, np.minimum(fitted, np.abs(points.values)), fitted)
-    measures: dict[str, Any] = dict(metrics(shown, points.values, points.valid, points.theta_i, points.theta_o))
+    seen = (shown, points.values, points.valid, points.theta_i, points.theta_o)
+    measures: dict[str, Any] = dict(metrics(*seen, fitter.floor))
+    judged = metrics(*seen, max(fitter.floor, options.noise_floor))["log_rms"]
     measures["reciprocity_floor"] = points.reciprocity_floor
     bias = outcome.bias / np.where(spread > 0.0, spread, np.inf)
     edges = np.linspace(0.0, max(float(points.theta_i.max()), 1e-3) * (1.0 + 1e-12), BINS + 1)
@@ -178,13 +193,19 @@ def fit_points(total: Sum, points: Dataset, options: Options) -> FitResult:
     np.fill_diagonal(entangled, 1.0)
     classical_spread = np.where(at_bound, np.nan, np.sqrt(np.diag(classical)) * slope)
     outcome.times["total"] = time.perf_counter() - began
+    values = total.unpack(outcome.x, channels)
+    kept = [
+        held(t, {v.param: float(np.ravel(values[v.name])[0]) for v in total.variables if v.term == n})
+        for n, t in enumerate(total.terms)
+    ]
     return FitResult(
         model=total.name,
         channels=points.channels,
-        values=total.unpack(outcome.x, channels),
+        values=values,
         stderr=_named(total, np.where(at_bound, np.nan, spread * slope), channels),
         stderr_classical=_named(total, classical_spread, channels),
-        fixed={t.label: t.fixed for t in total.terms},
+        fixed={t.label: h[0] for t, h in zip(total.terms, kept, strict=True)},
+        fixed_from={t.label: h[1] for t, h in zip(total.terms, kept, strict=True)},
         correlation=correlation,
         labels=labels,
         metrics=measures,
@@ -197,7 +218,8 @@ def fit_points(total: Sum, points: Dataset, options: Options) -> FitResult:
         },
         loss={
             "residual": options.loss,
-            "meaning": MEANING[options.loss],
+            "meaning": f"ln(f + {fitter.floor:.2g}/sr)" if options.loss == "log" else MEANING[options.loss],
+            "floor": fitter.floor,
             "robust": None if options.robust is None else "soft-L1",
             "robust_scale": outcome.scale,
             "noise_floor": options.noise_floor,
@@ -220,6 +242,7 @@ def fit_points(total: Sum, points: Dataset, options: Options) -> FitResult:
             bias,
             measures,
             by_theta,
+            judged,
         ),
     )
 

@@ -213,8 +213,8 @@ def solve(
         Bounds.
     fixed : tuple of dict
         From `channel_fixed`.
-    scale : float
-        Scale of the robust loss, unused without.
+    scale : Scales
+        Numbers of the loss.
     data : Array (B, rows, CHUNK)
         From `pack`.
     used : int

@@ -9,20 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.errors import ParameterError
-from brdftab.fitting.terms import Sum, Variable
+from brdftab.fitting.terms import Sum, Variable, is_roughness, optics
+from brdftab.models import Model
 
 Array = NDArray[np.float64]
 # ranges that real surfaces fill; the bounds of the fit stay those of the declaration
 PLAUSIBLE = {
-    "alpha": (0.004, 1.0),
-    "sigma": (0.004, 1.0),
     "ior": (1.05, 2.5),
     "f0": (0.02, 0.9),
     "eta": (0.3, 4.0),
     "k": (0.3, 6.0),
     "kd": (0.3, 1.2),
 }
-DEGREES_OF_TILT = (0.05, 0.9)
+ROUGH = (0.004, 1.0)
+# radians
+TILT = (0.05, 0.9)
 
 
 def guess_albedo(values: NDArray[np.float64], valid: NDArray[np.bool_]) -> Array:
@@ -34,10 +35,17 @@ def guess_albedo(values: NDArray[np.float64], valid: NDArray[np.bool_]) -> Array
     return np.clip(np.array(found), 1e-4, 0.98)
 
 
-def _range(variable: Variable, tilted: bool) -> tuple[float, float]:
-    """Return the plausible range of a parameter inside its bounds."""
-    low, high = DEGREES_OF_TILT if tilted else PLAUSIBLE.get(variable.param, (variable.low, variable.high))
-    return max(low, variable.low), min(high, variable.high)
+def _range(variable: Variable, model: Model) -> tuple[float, float]:
+    """Return the plausible range of a parameter inside its bounds; of a model's own parameter the bounds."""
+    low, high = variable.low, variable.high
+    if is_roughness(model, variable.param):
+        low, high = ROUGH
+    elif variable.param == "sigma" and model.param("sigma").unit == "rad":
+        low, high = TILT
+    elif variable.param == "kd" or variable.param in optics(model):
+        low, high = PLAUSIBLE[variable.param]
+    low, high = max(low, variable.low), min(high, variable.high)
+    return (low, high) if low < high else (variable.low, variable.high)
 
 
 def spread(total: Sum, albedo: Array, count: int, seed: int, given: Mapping[str, Any]) -> Array:
@@ -80,7 +88,7 @@ def spread(total: Sum, albedo: Array, count: int, seed: int, given: Mapping[str,
                 values[variable.name] = _checked(variable, given[variable.name])
                 continue
             model = total.terms[variable.term].model
-            low, high = _range(variable, variable.param == "sigma" and model.roughness != "sigma")
+            low, high = _range(variable, model)
             if variable.param == "kd":
                 values["kd" if variable.name == "kd" else variable.name] = np.clip(
                     albedo * (low + u * (high - low)), variable.low + 1e-6, variable.high - 1e-3

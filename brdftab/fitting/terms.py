@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.errors import ParameterError
+from brdftab.fitting.held import of_data
 from brdftab.models import Model, spec, twin
 from brdftab.models.setup import Setup, resolve
 
@@ -18,16 +19,16 @@ Array = NDArray[np.float64]
 # canonical names that a twin's shapes depend on, by the registry's parameter
 CANONICAL = {
     "alpha": ("alpha_x", "alpha_y"),
-    "kd": ("kd",),
     "ior": ("a",),
     "f0": ("a",),
     "eta": ("a",),
     "k": ("b",),
 }
 OPTICS = ("material", "eta", "k", "ior", "f0", "wavelengths", "spectral_samples")
+# of these a matte body under an interface takes
+INTERFACE = ("ior", "f0")
 # the least roughness of a fit: below it a lobe is narrower than any measured table resolves
 ROUGHNESS_FLOOR = 1e-4
-LOGARITHMIC = {"alpha", "eta"}
 
 
 @dataclass(frozen=True)
@@ -63,8 +64,11 @@ class Variable:
         return np.log(value) if self.log else np.asarray(value, dtype=np.float64)
 
     def outer(self, inner: Any) -> Any:
-        """Return the parameter of a coordinate."""
-        return np.exp(inner) if self.log else inner
+        """Return the parameter of a coordinate, exactly within the bounds: exp(log(10)) is above 10."""
+        if not self.log:
+            return np.clip(inner, self.low, self.high)
+        ends = np.log(self.low), np.log(self.high)
+        return np.select([inner <= ends[0], inner >= ends[1]], [self.low, self.high], np.exp(inner))
 
     def slope(self, value: Any) -> Any:
         """Return d parameter / d coordinate."""
@@ -73,18 +77,22 @@ class Variable:
 
 @dataclass(frozen=True)
 class Term:
-    """One model of the sum with its fixed parameters; `label` tells it apart from its twins."""
+    """One model of the sum with its fixed parameters; `label` tells it apart from its twins.
+
+    `carried` names the fixed parameters that come from the data's own provenance.
+    """
 
     label: str
     model: Model
     fixed: dict[str, Any]
     free: tuple[str, ...]
+    carried: tuple[str, ...] = ()
 
     def canonical(self, param: str) -> tuple[str, ...]:
         """Return the canonical names of a parameter in the twin."""
-        if param == self.model.roughness:
+        if is_roughness(self.model, param):
             return CANONICAL["alpha"]
-        return CANONICAL.get(param, (param,))
+        return CANONICAL[param] if param in optics(self.model) else (param,)
 
     def setup(self, values: Mapping[str, Any]) -> Setup:
         """Return the setup with the free parameters put in, one channel."""
@@ -148,6 +156,28 @@ class Sum:
         return [v.name for v in self.shared] + [f"{v.name}[{c}]" for c in channels for v in self.own]
 
 
+def shares(models: str, given: Mapping[str, Any]) -> list[tuple[str, dict[str, Any]]]:
+    """Return each model of a list separated by commas with those of the given parameters that it knows.
+
+    Raises
+    ------
+    ParameterError
+        For an unknown model, or a parameter that none of several models has.
+    """
+    listed = [n.strip() for n in models.split(",")]
+    if len(listed) == 1:
+        return [(listed[0], dict(given))]
+    found = []
+    for model in listed:
+        labels, names = (list(part) for part in zip(*term_labels(model), strict=True))
+        specs = [spec(n) for n in names]
+        found.append((model, {n: v for n, v in given.items() if _terms_with(n, labels, specs)}))
+    for name in given:
+        if not any(name in part for _, part in found):
+            raise ParameterError(f"{name} is not a parameter of any of {', '.join(listed)}; leave it out")
+    return found
+
+
 def term_labels(model: str) -> list[tuple[str, str]]:
     """Return label and registry name of every term of a sum: the second smith is smith2."""
     names = [n.strip() for n in model.split("+")]
@@ -159,21 +189,36 @@ def term_labels(model: str) -> list[tuple[str, str]]:
     return list(zip(labels, names, strict=True))
 
 
+def optics(model: Model) -> tuple[str, ...]:
+    """Return the parameters that say what a model's facets reflect; of other models such names are their own."""
+    known = OPTICS if model.has("material") else INTERFACE if model.ndfs else ()
+    return tuple(n for n in known if model.has(n))
+
+
+def is_roughness(model: Model, param: str) -> bool:
+    """Tell whether a parameter is the width of a distribution of facets."""
+    return bool(model.ndfs) and param == model.roughness
+
+
 def fittable(model: Model) -> tuple[str, ...]:
-    """Return the parameters of a model that can be free."""
-    pairs = {f"{model.roughness}_x", f"{model.roughness}_y"}
-    leave = {"wavelengths", "exponent", "max_bounces"} | pairs
-    return tuple(p.name for p in model.params if p.kind in ("float", "channels") and p.name not in leave)
+    """Return the parameters of a model that can be free: numbers within finite bounds."""
+    leave = {"wavelengths"} & set(optics(model))
+    if model.ndfs:
+        # other names of the roughness
+        leave |= {"exponent", f"{model.roughness}_x", f"{model.roughness}_y"}
+    bounded = [p for p in model.params if p.kind in ("float", "channels") and np.isfinite(p.bounds or math.inf).all()]
+    return tuple(p.name for p in bounded if p.name not in leave)
 
 
 def default_free(model: Model, fixed: Mapping[str, Any]) -> tuple[str, ...]:
     """Return what is free unless the user says otherwise: all but fixed ones, and f0 a channel for facets of metals."""
-    free = [n for n in fittable(model) if n not in OPTICS]
+    sources = optics(model)
+    free = [n for n in fittable(model) if n not in sources]
     if model.has("kd") and model.ndfs:
         free.append("ior")
         if "f0" in fixed:
             free.remove("ior")
-    elif model.ndfs and not any(o in fixed for o in OPTICS):
+    elif model.ndfs and not any(o in fixed for o in sources):
         free.append("f0")
     elif model.ndfs and "eta" in fixed and "k" not in fixed:
         free.append("k")
@@ -184,6 +229,8 @@ def default_free(model: Model, fixed: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _check_optics(model: Model, free: Sequence[str], fixed: Mapping[str, Any]) -> None:
     """Refuse free parameters that exclude each other or a fixed one."""
+    if not optics(model):
+        return
     chosen = {o for o in ("ior", "f0", "eta") if o in free or o in fixed} | ({"material"} & set(fixed))
     if "k" in free and "eta" not in free and "eta" not in fixed:
         raise ParameterError(f"free = k of {model.name} needs eta beside it; give both, or f0")
@@ -199,7 +246,7 @@ def _variable(name: str, term: int, model: Model, param: str) -> Variable:
     """Return the free parameter with the bounds of its declaration."""
     declared = model.param(param)
     low, high = declared.bounds or (-math.inf, math.inf)
-    rough = param == model.roughness
+    rough, optical = is_roughness(model, param), param in optics(model)
     if rough:
         low = max(low, ROUGHNESS_FLOOR)
         if model.name == "vgroove-nonsym":
@@ -208,11 +255,13 @@ def _variable(name: str, term: int, model: Model, param: str) -> Variable:
         least, most = getattr(twin(model.name), "BOUNDS", {}).get(param, (low, high))
         low, high = max(low, least), min(high, most)
     # one refractive index for all channels, everything else that can differ by channel does
-    channels = declared.kind == "channels" and param != "ior"
-    return Variable(name, term, param, channels, low, high, rough or param in LOGARITHMIC)
+    channels = declared.kind == "channels" and not (optical and param == "ior")
+    return Variable(name, term, param, channels, low, high, rough or (optical and param == "eta"))
 
 
-def parse(model: str, free: Sequence[str] | None, fixed: Mapping[str, Any]) -> Sum:
+def parse(
+    model: str, free: Sequence[str] | None, fixed: Mapping[str, Any], made: Mapping[str, Any] | None = None
+) -> Sum:
     """Read a sum of models.
 
     Parameters
@@ -223,6 +272,8 @@ def parse(model: str, free: Sequence[str] | None, fixed: Mapping[str, Any]) -> S
         Free parameters by name, qualified as ``smith.alpha`` where several terms have one; None for the default.
     fixed : mapping
         Fixed parameters by the same names, in API units. A plain name goes to every term that takes it.
+    made : mapping, optional
+        Provenance of the data: choices in it hold where nothing else is said.
 
     Returns
     -------
@@ -252,6 +303,7 @@ def parse(model: str, free: Sequence[str] | None, fixed: Mapping[str, Any]) -> S
                         f"free = {name} cannot be fitted; {names[at]} fits {', '.join(fittable(specs[at]))}"
                     )
                 wanted[at].append(param)  # type: ignore[union-attr]
+    carried = [_carry(*each, made or {}) for each in zip(labels, specs, given, wanted, strict=True)]
     terms, variables = [], []
     picked = [tuple(w) if w is not None else default_free(s, g) for w, s, g in zip(wanted, specs, given, strict=True)]
     for at, (label, one, fix, chosen) in enumerate(zip(labels, specs, given, picked, strict=True)):
@@ -259,10 +311,7 @@ def parse(model: str, free: Sequence[str] | None, fixed: Mapping[str, Any]) -> S
         if both:
             raise ParameterError(f"{both[0]} of {one.name} is both free and fixed; leave one of them out")
         _check_optics(one, chosen, fix)
-        if one.ndfs and "ndf" in [p.name for p in one.params]:
-            # what measured lobes look like (docs/fitting.md)
-            fix.setdefault("ndf", "ggx")
-        terms.append(Term(label, one, fix, chosen))
+        terms.append(Term(label, one, fix, chosen, carried[at]))
         for param in chosen:
             clash = sum(param in p for p in picked) > 1
             variables.append(_variable(f"{label}.{param}" if clash else param, at, one, param))
@@ -272,11 +321,29 @@ def parse(model: str, free: Sequence[str] | None, fixed: Mapping[str, Any]) -> S
     return Sum(model, tuple(terms), tuple(ordered))
 
 
+def _carry(
+    label: str, model: Model, given: dict[str, Any], wanted: Sequence[str] | None, made: Mapping[str, Any]
+) -> tuple[str, ...]:
+    """Put what the data's provenance settles into what is given, unless the user says otherwise; return the names."""
+    found = of_data(label, model, made)
+    sources = optics(model)
+    if any(n in given or n in (wanted or ()) for n in sources):
+        found = {n: v for n, v in found.items() if n not in sources}
+    found = {n: v for n, v in found.items() if n not in given and n not in (wanted or ())}
+    given.update(found)
+    return tuple(found)
+
+
 def _owners(name: str, labels: Sequence[str], specs: Sequence[Model]) -> list[int]:
     """Return the terms that a parameter name means."""
-    label, dot, param = name.rpartition(".")
-    at = [n for n, s in enumerate(specs) if s.has(param) and (not dot or labels[n] == label)]
+    at = _terms_with(name, labels, specs)
     if not at:
         known = sorted({p.name for s in specs for p in s.params})
         raise ParameterError(f"{name} is not a parameter of {' + '.join(labels)}; they take {', '.join(known)}")
     return at
+
+
+def _terms_with(name: str, labels: Sequence[str], specs: Sequence[Model]) -> list[int]:
+    """Return the terms that have a parameter, which may be qualified."""
+    label, dot, param = name.rpartition(".")
+    return [n for n, s in enumerate(specs) if s.has(param) and (not dot or labels[n] == label)]

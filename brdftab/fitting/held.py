@@ -1,0 +1,62 @@
+"""What a fit holds: the choices that data were made with, and every other parameter that is not free."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from brdftab.models import Model
+
+if TYPE_CHECKING:
+    from brdftab.fitting.terms import Term
+
+# beside choices: a cap of the bounces changes what is computed, and how finely a metal's spectrum is resolved
+ALSO = ("max_bounces", "spectral_samples", "wavelengths")
+# of models that draw: how a value is computed, not which
+HOW = ("estimator", "roulette")
+
+
+def of_data(label: str, model: Model, made: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parameters of a model that the data's provenance settles: its choices, as ndf and masking.
+
+    Parameters
+    ----------
+    label : str
+        Of the term, which the parameters of a sum are listed under.
+    model : Model
+        That is to be fitted; it need not be the one that the data were made with.
+    made : mapping
+        Provenance; anything else than parameters of models in it is passed over.
+    """
+    known = made.get("parameters")
+    if isinstance(known, Mapping) and any(isinstance(v, Mapping) for v in known.values()):
+        known = known.get(label)
+    if not isinstance(known, Mapping):
+        return {}
+    found = {}
+    for param in model.params:
+        value = known.get(param.name)
+        if param.name in HOW and model.has("seed"):
+            continue
+        if param.kind == "choice":
+            metal = param.name == "material" and isinstance(value, str)
+            if metal or value in param.choices:
+                found[param.name] = value
+        elif param.name in ALSO and value is not None and (param.name == "max_bounces" or "material" in known):
+            found[param.name] = value
+    return found
+
+
+def held(term: Term, values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
+    """Return every parameter of a term that is not free, and where each comes from: user, file or default.
+
+    Parameters
+    ----------
+    term : Term
+    values : mapping
+        The free parameters, one number each.
+    """
+    parameters = {n: v for n, v in term.setup(values).parameters.items() if n not in term.free and v is not None}
+    given = {n: v for n, v in term.fixed.items() if v is not None}
+    parameters = {**given, **parameters}
+    return parameters, {n: "file" if n in term.carried else "user" if n in given else "default" for n in parameters}

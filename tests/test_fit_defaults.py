@@ -1,0 +1,208 @@
+"""A fit with nothing said: every model finds its own table again, and what it holds is told."""
+
+import json
+import math
+import sys
+import textwrap
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import brdftab
+from brdftab import models
+from brdftab.cli import main
+from brdftab.errors import ParameterError
+from brdftab.fitting.terms import parse
+
+FITTABLE = [name for name in models.names() if models.has_twin(name)]
+OWN = """
+from brdftab.models import Model, Param
+
+SPEC = Model(
+    name="own-k", title="Two numbers", summary="kd (1 + k sin(theta_i) sin(theta_o)) / pi",
+    params=(
+        Param("kd", "", 0.5, (0.0, 1.0), "albedo", "channels"),
+        Param("k", "", 1.5, (1.0, 9.0), "its own parameter, no extinction"),
+        Param("exponent", "", 2.0, (0.0, 20.0), "its own, too"),
+    ),
+    components=("diffuse",), citation="none", doi="", variant="none",
+)
+"""
+OWN_TWIN = """
+import math
+
+SHAPE_PARAMS = ()
+
+
+def shapes(static, p, d):
+    return (d.si * d.so, d.ci * d.co)
+
+
+def value(static, p, shapes, d):
+    return p["kd"] * (1.0 + p["k"] * shapes[0] + p["exponent"] * shapes[1]) / math.pi
+"""
+
+
+def told(*words):
+    """Run the command line and return what it prints."""
+    done = CliRunner().invoke(main, [str(word) for word in words], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    return done.output
+
+
+def truth(table, result):
+    """Return found and true values of the free parameters of one model."""
+    known = table.provenance["parameters"]
+    return {n: (np.ravel(v), np.ravel(known[n])) for n, v in result.values.items()}
+
+
+@pytest.mark.parametrize("name", FITTABLE)
+def test_every_model_finds_its_own_table_again(name):
+    table = brdftab.tabulate(name, "10x10x12")
+    result = brdftab.fit(table, name)
+    assert result.warnings == []
+    for found, true in truth(table, result).values():
+        # the rules of the V-grooves err most, by the averages of the mirror cells: measured 1.6e-4
+        np.testing.assert_allclose(found, true, rtol=5e-4)
+    made = table.provenance["parameters"]
+    kept = {n: v for n, v in made.items() if n not in result.values}
+    assert result.fixed[name] == kept
+    assert all(result.fixed_from[name][n] == "file" for n in ("ndf", "masking", "material", "variant") if n in kept)
+
+
+@pytest.mark.parametrize(("ndf", "masking"), [("ggx", "smith-walter"), ("phong", "separable")])
+def test_the_fit_of_a_prediction_is_the_same(tmp_path, ndf, masking):
+    first, second, facts = tmp_path / "a.npz", tmp_path / "b.npz", tmp_path / "b.json"
+    choices = ("--ndf", ndf, "--masking", masking)
+    told("tabulate", "--model", "smith", *choices, "--f0", ".9,.6,.3", "--grid", "12x12x18", "--out", first)
+    text = told("fit", first, "--model", "smith", "--predict", second, "--grid", "12x12x18")
+    assert f"smith.ndf = {ndf} (from the file), smith.masking = {masking} (from the file)" in text
+    assert "warning" not in text
+    told("fit", second, "--model", "smith", "--out", facts)
+    found = json.loads(facts.read_text())
+    assert found["fixed_from"]["smith"] == {"ndf": "file", "masking": "file"}
+    assert found["values"]["alpha"] == pytest.approx(0.5, rel=1e-6)
+    np.testing.assert_allclose(found["values"]["f0"], [0.9, 0.6, 0.3], rtol=1e-6)
+    assert found["metrics"]["log_rms"] < 1e-5
+    assert brdftab.read(second).provenance["parameters"]["ndf"] == ndf
+    assert "repeats in all" in told("verify", second)
+    assert told("info", second)
+    assert told("compare", first, second, "--rtol", 1e-4)
+
+
+def test_what_the_user_says_goes_before_the_file():
+    made = {"parameters": {"ndf": "ggx", "masking": "separable", "material": "Cu", "alpha": 0.2}}
+    kept = parse("smith", None, {"ndf": "phong"}, made)
+    assert kept.terms[0].fixed == {"ndf": "phong", "masking": "separable", "material": "Cu"}
+    assert kept.terms[0].carried == ("masking", "material")
+    assert [v.name for v in kept.variables] == ["alpha"]
+    for free, fixed in ((["alpha", "f0"], {}), (None, {"ior": 1.5}), (None, {"f0": 0.5})):
+        assert "material" not in parse("smith", free, fixed, made).terms[0].fixed
+    # a value that the model does not take is passed over
+    assert parse("ilm-approx", None, {}, made).terms[0].fixed == {}
+    nested = {"parameters": {"smith": {"ndf": "ggx"}, "smith2": {"ndf": "phong"}, "lambert": {"kd": 0.5}}}
+    assert [t.fixed for t in parse("smith+smith", None, {}, nested).terms] == [{"ndf": "ggx"}, {"ndf": "phong"}]
+    for odd in ({}, {"parameters": None}, {"parameters": {"ndf": ["ggx"]}}, {"plan": {}}):
+        assert parse("smith", None, {}, odd).terms[0].fixed == {}
+
+
+def test_a_value_on_its_bound_can_be_evaluated():
+    for name, free in (("smith", "alpha"), ("smith", "eta"), ("ilm", "sigma")):
+        fixed = {"k": 1.0} if free == "eta" else {}
+        total = parse(name, None, fixed)
+        variable = next(v for v in total.variables if v.name == free)
+        for bound in (variable.low, variable.high):
+            assert variable.outer(variable.inner(bound)) == bound
+        ends = total.unpack(total.bounds(1)[1] * (1.0 + 1e-15), 1)
+        assert ends[free] <= models.spec(name).param(free).bounds[1]
+
+
+def test_tails_that_no_one_measures_do_not_count():
+    table = brdftab.tabulate("smith", "12x12x18", ndf="beckmann", alpha=0.1, f0=0.5, dtype="float64")
+    result = brdftab.fit(table, "smith")
+    assert table.values.min() < 1e-30
+    assert result.loss["floor"] == pytest.approx(1e-6 * 0.2, rel=1.0)
+    # the tails are lost in whatever stands there
+    dirty = brdftab.Table(np.maximum(table.values, 1e-12), table.grid, table.channels)
+    again = brdftab.fit(dirty, "smith")
+    assert again.values["alpha"] == pytest.approx(0.1, rel=1e-5)
+    assert again.metrics["log_rms"] < 1e-4
+    assert again.warnings == []
+    # the floor goes with the unit
+    times = brdftab.fit(brdftab.Table(7.0 * table.values, table.grid, table.channels), "smith+lambert", samples=2000)
+    plain = brdftab.fit(table, "smith+lambert", samples=2000)
+    assert times.loss["floor"] == pytest.approx(7.0 * plain.loss["floor"])
+
+
+def test_poor_is_judged_by_what_the_data_are_worth():
+    one = brdftab.tabulate("smith", "16x16x24", ndf="beckmann", alpha=0.4, f0=0.5, dtype="float64")
+
+    def poor(noise, other=0.0):
+        rng = np.random.default_rng(3)
+        values = one.values * np.exp(noise * rng.standard_normal(one.values.shape)) + other
+        result = brdftab.fit(brdftab.Table(values, one.grid, one.channels), "smith")
+        return result.metrics["log_rms"], any("poor fit" in line for line in result.warnings)
+
+    # noise that the data themselves show, as large as what was once called poor
+    level, warned = poor(0.5)
+    assert level > 0.4
+    assert not warned
+    # a body that the model does not have, seen in its dark directions alone
+    level, warned = poor(0.01, 1e-6)
+    assert 0.2 < level < 0.3
+    assert warned
+
+
+# ---------------------------------------------------------------- a model's own parameters
+
+
+@pytest.fixture
+def own_k(tmp_path, monkeypatch):
+    """Register a model whose own parameters bear the names of optical ones."""
+    folder = tmp_path / "own_k"
+    folder.mkdir()
+    (folder / "__init__.py").write_text(textwrap.dedent(OWN))
+    (folder / "twin.py").write_text(textwrap.dedent(OWN_TWIN))
+    monkeypatch.setattr(models, "__path__", [*models.__path__, str(tmp_path)])
+    yield
+    for name in [n for n in sys.modules if n.startswith("brdftab.models.own_k")]:
+        del sys.modules[name]
+
+
+@pytest.mark.usefixtures("own_k")
+def test_a_models_own_k_is_free():
+    grid = brdftab.Grid.parse("10x10x8")
+    ti, to = (np.asarray(a).reshape(s) for a, s in ((grid.theta_i, (-1, 1, 1)), (grid.theta_o, (1, -1, 1))))
+    shape = 1.0 + 4.0 * np.sin(ti) * np.sin(to) + 7.0 * np.cos(ti) * np.cos(to)
+    values = 0.1 / math.pi * np.broadcast_to(shape, grid.shape)[..., None]
+    result = brdftab.fit(brdftab.Table(values.copy(), grid, ("Y",)), "own-k")
+    assert result.values["k"] == pytest.approx(4.0, rel=1e-5)
+    assert result.values["exponent"] == pytest.approx(7.0, rel=1e-5)
+    assert result.fixed == {"own-k": {}}
+    held = brdftab.fit(brdftab.Table(values.copy(), grid, ("Y",)), "own-k", "kd,exponent")
+    assert held.fixed == {"own-k": {"k": 1.5}}
+    assert held.fixed_from == {"own-k": {"k": "default"}}
+
+
+# ---------------------------------------------------------------- several models
+
+
+def test_several_models_in_one_call(tmp_path):
+    table = brdftab.tabulate("lambert", "8x8x8", kd=0.3, dtype="float64")
+    coat = brdftab.tabulate("smith", "8x8x8", ndf="ggx", alpha=0.35, f0=0.04, dtype="float64")
+    coat.values = coat.values + table.values
+    best = brdftab.fit(coat, "lambert, smith+lambert,smith", alpha=0.35, samples=500)
+    assert best.model == "smith+lambert"
+    assert {r.model for r in best.alternatives} == {"smith", "lambert"}
+    assert best.fixed["smith"]["alpha"] == 0.35
+    assert best.values["kd"][0] == pytest.approx(0.3, rel=1e-6)
+    with pytest.raises(ParameterError, match="sigma is not a parameter of any of"):
+        brdftab.fit(coat, "smith,lambert", sigma=0.3)
+    data, out = tmp_path / "a.npz", tmp_path / "b.npz"
+    brdftab.write(coat, data)
+    text = told("fit", data, "--model", "lambert,smith+lambert", "--predict", out, "--grid", "8x8x8")
+    assert f"{out} (smith+lambert, the best by BIC)" in text
+    np.testing.assert_allclose(brdftab.read(out).values, coat.values, rtol=1e-5)
+    assert told("info", out)
+    assert told("compare", data, out, "--rtol", 1e-4)
