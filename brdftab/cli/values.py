@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import time
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -78,7 +77,12 @@ def evaluate(
     if result["delta"]:
         shares = "  ".join(f"{v:.10g}" for v in result["delta"])
         click.echo(f"mirror direction of a flat interface: its reflectance {shares} is a delta, no part of the value")
-    click.echo(f"estimated relative error {result['error']:.1e}, run time {result['run_time_s'] * 1e3:.3g} ms")
+    for name, error in (result["component_errors"] or {}).items():
+        click.echo(f"error of {name:<11} {error['absolute']:.1e}/sr, relative {error['relative']:.1e}")
+    click.echo(
+        f"estimated relative error {result['error']:.1e}, run time {result['run_time_s'] * 1e3:.3g} ms, "
+        f"and {result['error_time_s'] * 1e3:.3g} ms for the error"
+    )
 
 
 _AXIS = "start:stop:count or a,b,c [degrees]"
@@ -159,7 +163,9 @@ def tabulate(
     for name, asked in (("verify_plan", verify_plan), ("no_cache", no_cache)):
         if asked:
             raise ParameterError(f"{name} goes with --scene; leave it out")
-    started = time.perf_counter()
+    from brdftab.timing import Clock
+
+    clock = Clock()
     axes = {name: options.pop(name) for name in ("theta_i", "theta_o", "phi", "phi_i", "phi_o")}
     axes = {name: value for name, value in axes.items() if value is not None}
     if axes and grid is not None:
@@ -200,7 +206,7 @@ def tabulate(
         )
     for path in paths:
         write(table, path, overwrite=overwrite)
-    _summary(table, paths, time.perf_counter() - started, as_json)
+    _summary(table, paths, clock.seconds, as_json)
 
 
 def _summary(table: Table, paths: tuple[str, ...], wall: float, as_json: bool) -> None:
@@ -260,6 +266,8 @@ def _summary(table: Table, paths: tuple[str, ...], wall: float, as_json: bool) -
         )
         for path in paths:
             click.echo(f"wrote        {path}")
+    if made["compile_time_s"] > 0.5:
+        click.echo(f"brdftab: compiled for {made['compile_time_s']:.1f} s, which no run time counts", err=True)
     if not error["met"]:
         click.echo(
             f"Warning: the estimated error {error['estimate']:.1e} exceeds tolerance {error['tolerance']:g}: "
