@@ -183,7 +183,8 @@ def evaluate_point(
 
     The value is compared with those at a hundredth of the tolerance and at looser ones, up to the first that differs:
     the error is the difference to the finer one, but no less than what the looser ones support (see `_stated`),
-    relative to the largest channel, plus the rounding of float64. Of an estimate with noise it is the standard error instead.
+    relative to the largest channel, plus the rounding of float64. Of an estimate with noise it is the standard error
+    instead.
 
     Returns
     -------
@@ -243,7 +244,7 @@ def _relative(spread: float, value: Array) -> float:
 
 
 def _coarser(
-    setup: Setup, at: tuple[float, ...], orders: int, tolerance: float, total: Array
+    setup: Setup, at: tuple[float, float, float, float], orders: int, tolerance: float, total: Array
 ) -> list[tuple[float, Array]]:
     """Return (tolerance, values (P, C)) at looser and looser tolerances, until the total (C,) differs."""
     found: list[tuple[float, Array]] = []
