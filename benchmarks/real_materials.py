@@ -35,7 +35,7 @@ SETTINGS: dict[str, tuple[str, dict[str, Any]]] = {
     "smith+ilm": ("smith+ilm", {"ndf": "ggx"}),
     "cook-torrance+ilm": ("cook-torrance+ilm", {"ndf": "ggx"}),
     "smith+smith+lambert": ("smith+smith+lambert", {"ndf": "ggx"}),
-    "smith+smith+lambert beckmann second": ("smith+smith+lambert", {"smith1.ndf": "ggx", "smith2.ndf": "beckmann"}),
+    "smith+smith+lambert beckmann second": ("smith+smith+lambert", {"smith.ndf": "ggx", "smith2.ndf": "beckmann"}),
     "smith+cook-torrance+lambert": ("smith+cook-torrance+lambert", {"ndf": "ggx"}),
     "smith+smith+oren-nayar": ("smith+smith+oren-nayar", {"ndf": "ggx"}),
     "smith+smith+ilm": ("smith+smith+ilm", {"ndf": "ggx"}),
