@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import time
 import zipfile
 import zlib
 from collections.abc import Sequence
@@ -23,6 +22,7 @@ from brdftab.evaluation import check_tolerance, is_stochastic
 from brdftab.integrals import many, nodes_for
 from brdftab.models.setup import Setup, resolve
 from brdftab.provenance import machine
+from brdftab.timing import Clock
 
 Array = NDArray[np.float64]
 FORMAT = "brdftab-albedo"
@@ -167,7 +167,7 @@ def tabulate_albedo(
     ParameterError
         If a parameter is malformed, the surface is anisotropic, or the model's values carry noise.
     """
-    started = time.perf_counter()
+    clock = Clock()
     asked = check_tolerance(tolerance)
     if not (isinstance(cosines, int) and 2 <= cosines <= 4096):
         raise ParameterError.out_of_range("cosines", cosines, "[2, 4096]", "cells between grazing and normal light")
@@ -191,7 +191,7 @@ def tabulate_albedo(
         made.append(row(setup, mu, asked))
         if progress is not None:
             progress((number + 1.0) / len(rows))
-    table = assembled(mu, made, asked, time.perf_counter() - started)
+    table = assembled(mu, made, asked, clock.seconds)
     if roughness is not None:
         del table.provenance["parameters"][name]
     return table
@@ -254,6 +254,8 @@ def _write_exr(table: AlbedoTable, text: str, path: Path) -> None:
     """Write the two parts of an EXR; the first layer is the one that viewers show."""
     import OpenEXR
 
+    from brdftab.io.names import utf8
+
     rows, columns = len(table.roughness), len(table.cosines)
     parts = []
     for part, layers in (("albedo", table.directional), ("average", {n: a[:, None] for n, a in table.average.items()})):
@@ -265,7 +267,7 @@ def _write_exr(table: AlbedoTable, text: str, path: Path) -> None:
         header = {"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION, "brdftab": text}
         header["displayWindow"] = (np.array([0, 0], np.int32), np.array([columns - 1, rows - 1], np.int32))
         parts.append(OpenEXR.Part(header, channels, part))
-    OpenEXR.File(parts).write(str(path))
+    OpenEXR.File(parts).write(utf8(path))
 
 
 def read_albedo(path: str | Path) -> AlbedoTable:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import time
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -16,10 +15,13 @@ from brdftab.estimate import Estimate, estimate
 from brdftab.evaluation import singular, singular_setup
 from brdftab.grid import Grid
 from brdftab.models.setup import Setup
+from brdftab.timing import Clock
 
 Array = NDArray[np.float64]
 MIRROR_NODES = (7, 11)
 AVERAGE_NODES = (3, 5, 8)
+# mirror cells whose nodes are held at once
+AT_ONCE = 16
 
 
 def singular_cells(setup: Setup, grid: Grid) -> NDArray[np.int64]:
@@ -118,34 +120,51 @@ class Run:
         self.setup, self.grid, self.orders = setup, grid, orders
         self.cells = singular_cells(averaged or setup, grid)
         self.nodes = 0
-        started = time.perf_counter()
+        clock = Clock()
         self.engine = engine or Engine(setup, tolerance, orders, fast)
-        self.kernel_time = time.perf_counter() - started
+        self.kernel_time = clock.seconds
         self.values = np.empty((self.engine.layers, *grid.shape, len(setup.channels)), dtype=dtype)
 
     def compute(self, nodes: int, progress: Progress | None) -> None:
         """Fill the table; nodes is the number of Gauss nodes along each coordinate of an averaged cell."""
-        started = time.perf_counter()
+        clock = Clock()
+        # averages first: they take most of the time, and tell how much
+        mean, share = self._averages(nodes if self.grid.cell == "center" else MIRROR_NODES[0], progress)
+        rest = None if progress is None else (lambda part: progress(share + (1.0 - share) * part))
         if self.grid.cell == "average":
             self.nodes = nodes
-            _fill_averages(self.engine, self.grid, nodes, self.values, progress)
+            _fill_averages(self.engine, self.grid, nodes, self.values, rest)
         else:
-            fill_grid(self.engine, self.grid, self.values, progress)
-        if len(self.cells):
-            mean = mirror_average(
-                self.engine, self.grid, self.cells, nodes if self.grid.cell == "center" else MIRROR_NODES[0]
-            )
+            fill_grid(self.engine, self.grid, self.values, rest)
+        if mean is not None:
             self._store(mean)
-        self.kernel_time += time.perf_counter() - started
+        self.kernel_time += clock.seconds
 
     def refine(self, worst: tuple[int, ...]) -> bool:
         """Make the averages of the mirror cells again with more nodes if the worst cell is one of them."""
         if self.grid.cell != "center" or worst not in {tuple(c) for c in self.cells.tolist()}:
             return False
-        started = time.perf_counter()
-        self._store(mirror_average(self.engine, self.grid, self.cells, MIRROR_NODES[1]))
-        self.kernel_time += time.perf_counter() - started
+        clock = Clock()
+        mean, _ = self._averages(MIRROR_NODES[1], None)
+        assert mean is not None
+        self._store(mean)
+        self.kernel_time += clock.seconds
         return True
+
+    def _averages(self, nodes: int, progress: Progress | None) -> tuple[Array | None, float]:
+        """Return the averages (K, P, C) of the mirror cells, None without any, and their share of all directions."""
+        if not len(self.cells):
+            return None, 0.0
+        others = self.grid.size // 2 if self.grid.square and not self.engine.is_fast else 0
+        before, found, share = self.engine.evaluated, [], 0.0
+        for start in range(0, len(self.cells), AT_ONCE):
+            found.append(mirror_average(self.engine, self.grid, self.cells[start : start + AT_ONCE], nodes))
+            done = min(start + AT_ONCE, len(self.cells))
+            each = max(self.engine.evaluated - before, 1) / done
+            share = each * len(self.cells) / (each * len(self.cells) + others)
+            if progress is not None:
+                progress(share * done / len(self.cells))
+        return np.concatenate(found), share
 
     def _store(self, mean: Array) -> None:
         """Write the averages of mirror cells; both halves of a square grid get the same number."""

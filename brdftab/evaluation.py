@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from brdftab import models
 from brdftab.errors import ParameterError, SingularDirectionError
 from brdftab.models.setup import Setup, component_names, resolve
+from brdftab.timing import Clock
 
 Array = NDArray[np.float64]
 ORDERS = 8
@@ -183,14 +183,14 @@ def evaluate_point(
     asked = check_tolerance(tolerance)
     orders = ORDERS if components else 0
     evaluate_setup(setup, theta_i, theta_o, phi, phi_i, orders, asked)
-    started = time.perf_counter()
+    clock = Clock()
     if is_stochastic(setup):
         angles = [np.array([a], dtype=np.float64) for a in (theta_i, theta_o, phi, phi_i)]
         found = models.kernel(setup.model.name).estimates(setup, *angles, orders=orders, tolerance=asked)
         values, spread = found.values[0], float(found.standard_error.max())
     else:
         values = evaluate_setup(setup, theta_i, theta_o, phi, phi_i, orders, asked)
-    elapsed = time.perf_counter() - started
+    elapsed = clock.seconds
     total = values.sum(axis=0)
     if not is_stochastic(setup):
         finer = evaluate_setup(setup, theta_i, theta_o, phi, phi_i, 0, max(0.01 * asked, 1e-14))[0]

@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import json
 import math
-import time
 from typing import Any
 
 import click
 
 from brdftab.cli.progress import progress_bar
+from brdftab.cli.words import Group
+from brdftab.timing import Clock
 
 _json = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 _overwrite = click.option("--overwrite", is_flag=True, help="Replace an existing output.")
 
 
 @click.group(
+    cls=Group,
     epilog="\b\nExamples:\n"
     "  brdftab scratch profile quartic:1 --out profile.png\n"
     "  brdftab scratch maps layers.toml --size 1024 --out maps.exr\n"
-    "  brdftab scratch picture --out picture.png"
+    "  brdftab scratch picture --out picture.png",
 )
 def scratch() -> None:
     """Scratched materials: profiles, layers in a TOML file, their maps, values and pictures."""
@@ -221,7 +223,7 @@ def picture(
     spheres = None if layers is None else [Sphere(read(layers), projection, tiles)]
     if not has_compiled("cones"):
         click.echo("brdftab: compiling kernels: the first picture takes up to a minute longer", err=True)
-    started = time.perf_counter()
+    clock = Clock()
     with progress_bar("drawing") as report:
         pixels = render(
             spheres, size, samples=samples, detail=detail, maps_size=maps_size, seed=seed, exposure=exposure,
@@ -232,7 +234,7 @@ def picture(
         "file": out,
         "rows": pixels.shape[0],
         "columns": pixels.shape[1],
-        "run_time_s": time.perf_counter() - started,
+        "run_time_s": clock.seconds,
     }
     if as_json:
         click.echo(json.dumps(facts, indent=2, allow_nan=False))

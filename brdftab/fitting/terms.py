@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.errors import ParameterError
+from brdftab.errors import ParameterError, proposal
 from brdftab.models import Model, spec, twin
 from brdftab.models.setup import Setup, resolve
 
@@ -278,5 +278,9 @@ def _owners(name: str, labels: Sequence[str], specs: Sequence[Model]) -> list[in
     at = [n for n, s in enumerate(specs) if s.has(param) and (not dot or labels[n] == label)]
     if not at:
         known = sorted({p.name for s in specs for p in s.params})
-        raise ParameterError(f"{name} is not a parameter of {' + '.join(labels)}; they take {', '.join(known)}")
+        near = proposal(param, known)
+        raise ParameterError(
+            f"{name} is not a parameter of {' + '.join(labels)}; {near}{'T' if near else 't'}hey take "
+            f"{', '.join(known)}"
+        )
     return at
