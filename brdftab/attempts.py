@@ -20,6 +20,8 @@ from brdftab.timing import Clock
 Array = NDArray[np.float64]
 MIRROR_NODES = (7, 11)
 AVERAGE_NODES = (3, 5, 8)
+# mirror cells whose nodes are held at once
+AT_ONCE = 16
 
 
 def singular_cells(setup: Setup, grid: Grid) -> NDArray[np.int64]:
@@ -126,15 +128,15 @@ class Run:
     def compute(self, nodes: int, progress: Progress | None) -> None:
         """Fill the table; nodes is the number of Gauss nodes along each coordinate of an averaged cell."""
         clock = Clock()
+        # averages first: they take most of the time, and tell how much
+        mean, share = self._averages(nodes if self.grid.cell == "center" else MIRROR_NODES[0], progress)
+        rest = None if progress is None else (lambda part: progress(share + (1.0 - share) * part))
         if self.grid.cell == "average":
             self.nodes = nodes
-            _fill_averages(self.engine, self.grid, nodes, self.values, progress)
+            _fill_averages(self.engine, self.grid, nodes, self.values, rest)
         else:
-            fill_grid(self.engine, self.grid, self.values, progress)
-        if len(self.cells):
-            mean = mirror_average(
-                self.engine, self.grid, self.cells, nodes if self.grid.cell == "center" else MIRROR_NODES[0]
-            )
+            fill_grid(self.engine, self.grid, self.values, rest)
+        if mean is not None:
             self._store(mean)
         self.kernel_time += clock.seconds
 
@@ -143,9 +145,26 @@ class Run:
         if self.grid.cell != "center" or worst not in {tuple(c) for c in self.cells.tolist()}:
             return False
         clock = Clock()
-        self._store(mirror_average(self.engine, self.grid, self.cells, MIRROR_NODES[1]))
+        mean, _ = self._averages(MIRROR_NODES[1], None)
+        assert mean is not None
+        self._store(mean)
         self.kernel_time += clock.seconds
         return True
+
+    def _averages(self, nodes: int, progress: Progress | None) -> tuple[Array | None, float]:
+        """Return the averages (K, P, C) of the mirror cells, None without any, and their share of all directions."""
+        if not len(self.cells):
+            return None, 0.0
+        others = self.grid.size // 2 if self.grid.square and not self.engine.is_fast else 0
+        before, found, share = self.engine.evaluated, [], 0.0
+        for start in range(0, len(self.cells), AT_ONCE):
+            found.append(mirror_average(self.engine, self.grid, self.cells[start : start + AT_ONCE], nodes))
+            done = min(start + AT_ONCE, len(self.cells))
+            each = max(self.engine.evaluated - before, 1) / done
+            share = each * len(self.cells) / (each * len(self.cells) + others)
+            if progress is not None:
+                progress(share * done / len(self.cells))
+        return np.concatenate(found), share
 
     def _store(self, mean: Array) -> None:
         """Write the averages of mirror cells; both halves of a square grid get the same number."""

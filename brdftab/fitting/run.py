@@ -150,9 +150,9 @@ def _options(
 ) -> Options:
     """Check how to fit."""
     if loss not in LOSSES:
-        raise ParameterError(f"loss = {loss} is not known; choose one of {', '.join(LOSSES)}")
+        raise ParameterError.not_known("loss", loss, LOSSES)
     if solver not in SOLVERS:
-        raise ParameterError(f"solver = {solver} is not known; choose one of {', '.join(SOLVERS)}")
+        raise ParameterError.not_known("solver", solver, SOLVERS)
     if isinstance(robust, str) and robust != "auto":
         raise ParameterError(f"robust = {robust} is neither auto nor a positive number; give a scale of the residual")
     if isinstance(robust, int | float) and not (math.isfinite(robust) and robust > 0.0):
