@@ -61,10 +61,29 @@ def _limit(p: float, index: float, n: float, alpha: float, lowest: float, level:
     return min(level.width, level.lobe * lobe, level.grading * (lowest + elevation))
 
 
-def _edges(required: Array, directions: int, n: float, alpha: float, level: Level) -> Array:
-    """Return the edges on [0, n]: the required ones, and between them as many as both sides ask for."""
+def lowest_class(p: Array) -> float:
+    """Return the elevation down to which panels become finer for directions p, one of a few: 1e-3 times 4, 16, ..."""
+    size = float(np.abs(p).min(initial=1.0))
     # the azimuth modes of grazing light vary on the scale of its elevation, but not for ever
-    lowest = max(float(np.abs(required[:directions]).min()), LOWEST)
+    return LOWEST * 4.0 ** max(math.floor(math.log(max(size / LOWEST, 1.0), 4.0)), 0)
+
+
+def panel_edges(required: Array, lowest: float, n: float, alpha: float, level: Level) -> Array:
+    """Return the edges on [0, n]: the required ones, and between them as many as both sides ask for.
+
+    Parameters
+    ----------
+    required : ndarray
+        p where panels end, of either sign.
+    lowest : float
+        No finer panels are asked for below this elevation (radians).
+    n : float
+        Index below the surface, > 1.
+    alpha : float
+        Roughness.
+    level : Level
+        Resolution.
+    """
     done = [0.0]
     stack = sorted(({float(n), 1.0} | {float(abs(p)) for p in required if abs(p) > CLOSE}), reverse=True)
     while stack:
@@ -87,25 +106,22 @@ def _edges(required: Array, directions: int, n: float, alpha: float, level: Leve
     return np.array(done)
 
 
-def build(required: Array, directions: int, n: float, ndf: int, alpha: float, level: Level) -> tuple[Side, Side]:
-    """Return the states above and below.
+def split_panels(edges: Array, required: Array) -> Array:
+    """Return edges with those required between them; the panels that are not split stay as they are."""
+    more = [abs(p) for p in required if np.abs(edges - abs(p)).min() > CLOSE]
+    return np.unique(np.concatenate([edges, more]))
 
-    Parameters
-    ----------
-    required : ndarray
-        p where panels end: first those of every direction of light or view.
-    directions : int
-        How many of them are directions.
-    n : float
-        Index below the surface, > 1.
-    ndf : int
-        0 Beckmann, 1 GGX.
-    alpha : float
-        Roughness.
-    level : Level
-        Resolution.
-    """
-    edges = _edges(required, directions, n, alpha, level)
+
+def kept_panels(edges: Array, before: Array) -> NDArray[np.int64]:
+    """Return the number among the panels before of each panel, -1 where it was none; both on [0, n] and mirrored."""
+    at = np.minimum(np.searchsorted(before, edges[:-1]), before.size - 2)
+    same = (before[at] == edges[:-1]) & (before[at + 1] == edges[1:])
+    panels = before.size - 1
+    return np.concatenate([np.where(same, panels - 1 - at, -1)[::-1], np.where(same, panels + at, -1)])
+
+
+def build(edges: Array, n: float, ndf: int, alpha: float, level: Level) -> tuple[Side, Side]:
+    """Return the states above and below on panels between edges (E,), from 0 to n; `ndf` 0 Beckmann, 1 GGX."""
     x, w = unit_gauss(level.nodes)
     width = np.diff(edges)
     half = (edges[:-1, None] + width[:, None] * x).ravel()

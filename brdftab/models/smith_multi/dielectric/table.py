@@ -12,14 +12,15 @@ from brdftab.jit import parallel_kernel
 from brdftab.models.microfacet.refraction import single_bounce, weight
 from brdftab.models.microfacet.single import HORIZON
 from brdftab.models.setup import Setup, component_names
-from brdftab.models.smith_multi.dielectric.levels import level
-from brdftab.models.smith_multi.dielectric.series import Part, evaluate, evaluate_pairs, solve
-from brdftab.models.smith_multi.dielectric.solve import System
+from brdftab.models.smith_multi.dielectric.levels import further, level
+from brdftab.models.smith_multi.dielectric.series import Part, evaluate, evaluate_pairs, solve, solve_pairs
+from brdftab.models.smith_multi.dielectric.solve import System, directions
+from brdftab.models.smith_multi.dielectric.states import lowest_class
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-# values of the series held at a time; polar angles of listed pairs that are solved together
-BLOCK, GROUP = 1 << 24, 48
+# values of the series held at a time
+BLOCK = 1 << 24
 
 
 @parallel_kernel
@@ -104,7 +105,8 @@ class Prepared:
 
     def __init__(self, setup: Setup, tolerance: float, orders: int = 0) -> None:
         assert setup.fresnel is not None
-        self._setup, self._level = setup, level(tolerance, setup.alpha_x)
+        self._setup = setup
+        self._level, self._further = level(tolerance, setup.alpha_x), further(tolerance, setup.alpha_x)
         self._layers = len(component_names(setup, orders)) if orders else 1
         index = np.broadcast_to(setup.fresnel.a, len(setup.channels))
         # channels of the same index share everything
@@ -123,23 +125,47 @@ class Prepared:
         return [part.reversed() for part in solve(system, views, lights, layers, self._most)]
 
     def points(self, theta_i: Array, theta_o: Array, phi: Array, phi_i: Array) -> Array:
-        """Evaluate at N pairs of directions (radians); returns (N, P, C) in 1/sr, 0 on the horizon."""
+        """Evaluate at N pairs of directions (radians); returns (N, P, C) in 1/sr, 0 on the horizon.
+
+        Each pair of polar angles has panels of its own, so that no value depends on what else is asked.
+        """
         out = np.zeros((theta_i.size, self._layers, len(self._setup.channels)))
-        for group in _groups(theta_i, theta_o):
-            self._fill_group(theta_i, theta_o, phi, group, out)
+        seen = np.flatnonzero((np.abs(np.cos(theta_i)) > HORIZON) & (np.abs(np.cos(theta_o)) > HORIZON))
+        if seen.size == 0:
+            return out
+        ti, to, ph = (np.ascontiguousarray(x[seen], dtype=np.float64) for x in (theta_i, theta_o, phi))
+        # reversed paths weigh the same
+        pairs, place = np.unique(np.sort(np.stack([ti, to], axis=1), axis=1), axis=0, return_inverse=True)
+        members = [np.flatnonzero(place.reshape(-1) == k) for k in range(len(pairs))]
+        part = np.zeros((seen.size, *out.shape[1:]))
+        for n, channels in self._groups:
+            series = np.zeros((max(self._layers - 1, 1), ti.size))
+            for parts, mine in zip(self._solve_pairs(pairs, n), members, strict=True):
+                if parts:
+                    zeros = np.zeros(mine.size, np.int64)
+                    series[:, mine] = evaluate_pairs(parts, zeros, zeros, ph[mine])
+            _write_pairs(ti, to, ph, self._surface(n), series, channels, part)
+        out[seen] = part
         return out
 
-    def _fill_group(self, theta_i: Array, theta_o: Array, phi: Array, group: Index, out: Array) -> None:
-        ti, to, ph = (np.ascontiguousarray(x[group], dtype=np.float64) for x in (theta_i, theta_o, phi))
-        theta = np.unique(np.concatenate([ti, to]))
-        lights, a = np.unique(np.searchsorted(theta, ti), return_inverse=True)
-        views, b = np.unique(np.searchsorted(theta, to), return_inverse=True)
-        part = np.zeros((ti.size, *out.shape[1:]))
-        for n, channels in self._groups:
-            parts = self._solve(theta, n, lights, views)
-            series = evaluate_pairs(parts, a, b, ph) if parts else np.zeros((0, ti.size))
-            _write_pairs(ti, to, ph, self._surface(n), series, channels, part)
-        out[group] = part
+    def _solve_pairs(self, pairs: Array, n: float) -> list[list[Part]]:
+        """Return the solved modes of each pair of polar angles (K, 2), none if there are single bounces only."""
+        found: list[list[Part]] = [[] for _ in pairs]
+        if self._most < 2:
+            return found
+        surface = n, self._setup.ndf, self._setup.alpha_x
+        layers = max(self._layers - 1, 1)
+        lowest = np.array([lowest_class(directions(pair, n).p) for pair in pairs])
+        for least in np.unique(lowest):
+            some = np.flatnonzero(lowest == least)
+            for first, most, fine in ((2, 2.0, self._level), (3, self._most, self._further)):
+                if most < first:
+                    continue
+                base = System(np.zeros(0), *surface, fine, lowest=float(least))
+                systems = [System(np.unique(pairs[k]), *surface, fine, base=base) for k in some]
+                for k, parts in zip(some, solve_pairs(systems, layers, first, most), strict=True):
+                    found[k].extend(parts)
+        return found
 
     def _surface(self, n: float) -> tuple[int, float, float]:
         return self._setup.ndf, self._setup.alpha_x, n
@@ -177,25 +203,6 @@ def _twins(some: Array, others: Array) -> Index:
     order = np.argsort(others)
     at = np.minimum(np.searchsorted(others, some, sorter=order), others.size - 1)
     return np.where(others[order[at]] == some, order[at], -1)
-
-
-def _groups(theta_i: Array, theta_o: Array) -> list[Index]:
-    """Return groups of pairs, each with few distinct polar angles; pairs on the horizon are in none."""
-    seen = np.flatnonzero((np.abs(np.cos(theta_i)) > HORIZON) & (np.abs(np.cos(theta_o)) > HORIZON))
-    order = seen[np.lexsort((theta_o[seen], theta_i[seen]))]
-    groups: list[Index] = []
-    current: list[int] = []
-    angles: set[float] = set()
-    for k in order:
-        more = {float(theta_i[k]), float(theta_o[k])}
-        if current and len(angles | more) > GROUP:
-            groups.append(np.array(current))
-            current, angles = [], set()
-        current.append(k)
-        angles |= more
-    if current:
-        groups.append(np.array(current))
-    return groups
 
 
 def prepare(setup: Setup, tolerance: float, trial: bool = False, orders: int = 0) -> Prepared:
