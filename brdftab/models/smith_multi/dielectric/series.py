@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.models.smith_multi.dielectric.solve import Matrices, System, multiple, rows_alone
+from brdftab.models.smith_multi.dielectric.solve import System, multiple
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -72,7 +72,7 @@ def _lagrange(nodes: Array, x: Array) -> Array:
     return basis
 
 
-def _chebyshev(low: float, high: float, count: int) -> Array:
+def chebyshev(low: float, high: float, count: int) -> Array:
     """Return Chebyshev nodes on (low, high), increasing."""
     x = -np.cos(math.pi * (np.arange(count) + 0.5) / count)
     return 0.5 * (low + high) + 0.5 * (high - low) * x
@@ -113,58 +113,16 @@ def solve(system: System, lights: Index, views: Index, layers: int, most: float)
         if stop - start <= level.octave:
             orders = np.arange(start, stop, dtype=np.float64)
         else:
-            orders = _chebyshev(start - 0.5, stop - 0.5, level.octave)
-        high = system.high(orders)
+            orders = chebyshev(start - 0.5, stop - 0.5, level.octave)
+        matrices, weights, kept = system.high(orders)
         # numbers among the kept directions of the lights and views that are kept
-        mine, theirs = (np.flatnonzero(np.isin(some, high.kept)) for some in (lights, views))
+        mine, theirs = (np.flatnonzero(np.isin(some, kept)) for some in (lights, views))
         if mine.size and theirs.size:
-            a, b = np.searchsorted(high.kept, lights[mine]), np.searchsorted(high.kept, views[theirs])
-            values = multiple(high.matrices, high.weights, a, b, layers, most, level.sweep)
+            a, b = np.searchsorted(kept, lights[mine]), np.searchsorted(kept, views[theirs])
+            values = multiple(matrices, weights, a, b, layers, most, level.sweep)
             parts.append(Part(start, stop, orders, mine, theirs, values))
         start = stop
     return parts
-
-
-def solve_pairs(systems: list[System], layers: int, first: int, most: float) -> list[list[Part]]:
-    """Return the modes of bounce orders first .. most, from the first to the last direction of each system.
-
-    Parameters
-    ----------
-    systems : list of System
-        One or two directions each, all of one base. What is between the base's states alone is made once for all, and
-        nothing of one system enters another.
-    layers : int
-        Orders 2, 3, ... apart, the last one with all higher ones.
-    first, most : int, float
-        Lowest bounce order, 2 or more, and highest one, inf for all; up to 2 no kernel between states is made.
-    """
-    base, zero = systems[0].base, np.zeros(1, np.int64)
-    assert base is not None
-    level, direct = base.level, most < 3
-    found: list[list[Part]] = [[] for _ in systems]
-
-    def add(at: int, span: tuple[int, int], orders: Array, matrices: Matrices, weights: tuple[Array, Array]) -> None:
-        last = np.array([systems[at].views.p.size - 1])
-        values = multiple(matrices, weights, zero, last, layers, most, level.sweep, first)
-        found[at].append(Part(*span, orders, zero, zero, values))
-
-    for start, count in base.chunks(0, level.modes):
-        orders = np.arange(start, start + count, dtype=np.float64)
-        shared = None if direct else base.matrices(start, count)
-        for at, system in enumerate(systems):
-            matrices = rows_alone(system.rows(start, count)) if direct else system.matrices(start, count, shared)
-            add(at, (start, start + count), orders, matrices, (system.above.weights, system.below.weights))
-    start = level.modes
-    # whole octaves, so that those of all pairs are the same
-    while some := [at for at, system in enumerate(systems) if min(system.limits.min(), TOP) >= start]:
-        orders = _chebyshev(start - 0.5, 2 * start - 0.5, level.octave)
-        shared = None if direct else base.high(orders).matrices
-        for at in some:
-            high = systems[at].high(orders, shared, direct)
-            if high.kept.size == systems[at].views.p.size:
-                add(at, (start, 2 * start), orders, high.matrices, high.weights)
-        start *= 2
-    return found
 
 
 def evaluate(parts: list[Part], rows: slice, views: int, phi: Array) -> Array:

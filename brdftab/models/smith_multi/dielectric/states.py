@@ -62,10 +62,10 @@ def _limit(p: float, index: float, n: float, alpha: float, lowest: float, level:
 
 
 def lowest_class(p: Array) -> float:
-    """Return the elevation down to which panels become finer for directions p, one of a few: 1e-3 times 4, 16, ..."""
+    """Return the elevation down to which panels become finer for directions p, one of a few: 1e-3 times 1, 16, 256, ..."""
     size = float(np.abs(p).min(initial=1.0))
     # the azimuth modes of grazing light vary on the scale of its elevation, but not for ever
-    return LOWEST * 4.0 ** max(math.floor(math.log(max(size / LOWEST, 1.0), 4.0)), 0)
+    return LOWEST * 16.0 ** max(math.floor(math.log(max(size / LOWEST, 1.0), 16.0)), 0)
 
 
 def panel_edges(required: Array, lowest: float, n: float, alpha: float, level: Level) -> Array:
@@ -106,25 +106,14 @@ def panel_edges(required: Array, lowest: float, n: float, alpha: float, level: L
     return np.array(done)
 
 
-def split_panels(edges: Array, required: Array) -> Array:
-    """Return edges with those required between them; the panels that are not split stay as they are."""
-    more = [abs(p) for p in required if np.abs(edges - abs(p)).min() > CLOSE]
-    return np.unique(np.concatenate([edges, more]))
+def build(low: Array, high: Array, n: float, ndf: int, alpha: float, level: Level) -> tuple[Side, Side]:
+    """Return the states above and below on panels from low (P,) to high (P,), increasing in [0, n], and mirrored ones.
 
-
-def kept_panels(edges: Array, before: Array) -> NDArray[np.int64]:
-    """Return the number among the panels before of each panel, -1 where it was none; both on [0, n] and mirrored."""
-    at = np.minimum(np.searchsorted(before, edges[:-1]), before.size - 2)
-    same = (before[at] == edges[:-1]) & (before[at + 1] == edges[1:])
-    panels = before.size - 1
-    return np.concatenate([np.where(same, panels - 1 - at, -1)[::-1], np.where(same, panels + at, -1)])
-
-
-def build(edges: Array, n: float, ndf: int, alpha: float, level: Level) -> tuple[Side, Side]:
-    """Return the states above and below on panels between edges (E,), from 0 to n; `ndf` 0 Beckmann, 1 GGX."""
+    `ndf` is 0 for Beckmann, 1 for GGX.
+    """
     x, w = unit_gauss(level.nodes)
-    width = np.diff(edges)
-    half = (edges[:-1, None] + width[:, None] * x).ravel()
+    width = high - low
+    half = (low[:, None] + width[:, None] * x).ravel()
     p = np.concatenate([-half[::-1], half])
     measure = (width[:, None] * w).ravel()
     measure = np.concatenate([measure[::-1], measure])

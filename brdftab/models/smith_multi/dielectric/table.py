@@ -13,9 +13,9 @@ from brdftab.models.microfacet.refraction import single_bounce, weight
 from brdftab.models.microfacet.single import HORIZON
 from brdftab.models.setup import Setup, component_names
 from brdftab.models.smith_multi.dielectric.levels import further, level
-from brdftab.models.smith_multi.dielectric.series import Part, evaluate, evaluate_pairs, solve, solve_pairs
-from brdftab.models.smith_multi.dielectric.solve import System, directions
-from brdftab.models.smith_multi.dielectric.states import lowest_class
+from brdftab.models.smith_multi.dielectric.pairs import solve_pairs
+from brdftab.models.smith_multi.dielectric.series import Part, evaluate, evaluate_pairs, solve
+from brdftab.models.smith_multi.dielectric.solve import System
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -136,36 +136,16 @@ class Prepared:
         ti, to, ph = (np.ascontiguousarray(x[seen], dtype=np.float64) for x in (theta_i, theta_o, phi))
         # reversed paths weigh the same
         pairs, place = np.unique(np.sort(np.stack([ti, to], axis=1), axis=1), axis=0, return_inverse=True)
-        members = [np.flatnonzero(place.reshape(-1) == k) for k in range(len(pairs))]
         part = np.zeros((seen.size, *out.shape[1:]))
+        levels, layers = (self._level, self._further), max(self._layers - 1, 1)
         for n, channels in self._groups:
-            series = np.zeros((max(self._layers - 1, 1), ti.size))
-            for parts, mine in zip(self._solve_pairs(pairs, n), members, strict=True):
-                if parts:
-                    zeros = np.zeros(mine.size, np.int64)
-                    series[:, mine] = evaluate_pairs(parts, zeros, zeros, ph[mine])
+            series = np.zeros((0, ti.size))
+            if self._most >= 2:
+                parts = solve_pairs(pairs, n, self._setup.ndf, self._setup.alpha_x, levels, layers, self._most)
+                series = evaluate_pairs(parts, place.reshape(-1), np.zeros(ti.size, np.int64), ph)
             _write_pairs(ti, to, ph, self._surface(n), series, channels, part)
         out[seen] = part
         return out
-
-    def _solve_pairs(self, pairs: Array, n: float) -> list[list[Part]]:
-        """Return the solved modes of each pair of polar angles (K, 2), none if there are single bounces only."""
-        found: list[list[Part]] = [[] for _ in pairs]
-        if self._most < 2:
-            return found
-        surface = n, self._setup.ndf, self._setup.alpha_x
-        layers = max(self._layers - 1, 1)
-        lowest = np.array([lowest_class(directions(pair, n).p) for pair in pairs])
-        for least in np.unique(lowest):
-            some = np.flatnonzero(lowest == least)
-            for first, most, fine in ((2, 2.0, self._level), (3, self._most, self._further)):
-                if most < first:
-                    continue
-                base = System(np.zeros(0), *surface, fine, lowest=float(least))
-                systems = [System(np.unique(pairs[k]), *surface, fine, base=base) for k in some]
-                for k, parts in zip(some, solve_pairs(systems, layers, first, most), strict=True):
-                    found[k].extend(parts)
-        return found
 
     def _surface(self, n: float) -> tuple[int, float, float]:
         return self._setup.ndf, self._setup.alpha_x, n
