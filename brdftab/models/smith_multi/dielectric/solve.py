@@ -206,7 +206,8 @@ def sweep(matrices: Matrices, weights: tuple[Array, Array], upper: Array, lower:
     """Scatter rows (M, D, states above), (M, D, states below) once more."""
     upper, lower = upper * weights[0], lower * weights[1]
     # from below to above is from above to below with every path reversed
-    crossed = np.matmul(lower[..., ::-1], matrices.through.transpose(0, 2, 1))[..., ::-1]
+    turned = np.ascontiguousarray(lower[..., ::-1])  # a view of negative strides would keep matmul from BLAS
+    crossed = np.matmul(turned, matrices.through.transpose(0, 2, 1))[..., ::-1]
     return (
         np.matmul(upper, matrices.above) + crossed,
         np.matmul(lower, matrices.below) + np.matmul(upper, matrices.through),
