@@ -35,6 +35,12 @@ def is_stochastic(setup: Setup) -> bool:
     return hasattr(module, "stochastic") and bool(module.stochastic(setup))
 
 
+def finest_tolerance(setup: Setup) -> float:
+    """Return the tolerance of the finest rule of a setup's model: tighter ones are served by the same rule."""
+    finest = getattr(models.kernel(setup.model.name), "finest", None)
+    return 0.0 if finest is None else float(finest(setup))
+
+
 def _directions(theta_i: ArrayLike, theta_o: ArrayLike, phi: ArrayLike, phi_i: ArrayLike) -> list[Array]:
     """Broadcast four angles, check them, and return them with their common shape."""
     try:
@@ -183,8 +189,8 @@ def evaluate_point(
 
     The value is compared with those at a hundredth of the tolerance and at looser ones, up to the first that differs:
     the error is the difference to the finer one, but no less than what the looser ones support (see `_stated`),
-    relative to the largest channel, plus the rounding of float64. Of an estimate with noise it is the standard error
-    instead.
+    relative to the largest channel, plus the rounding of float64. Where the model's finest rule is asked, none is finer
+    and the error is the difference to the looser one. Of an estimate with noise it is the standard error instead.
 
     Returns
     -------
@@ -210,10 +216,16 @@ def evaluate_point(
         values = evaluate_setup(setup, *at, orders, asked)
         elapsed = clock.seconds
         total = values.sum(axis=0)
-        finer = evaluate_setup(setup, *at, orders, max(0.01 * asked, 1e-14))
-        coarser = _coarser(setup, at, orders, asked, total)
-        spread = _stated(total, finer.sum(axis=0), [(t, c.sum(axis=0)) for t, c in coarser], asked)
-        errors = [_stated(v, finer[n], [(t, c[n]) for t, c in coarser], asked) for n, v in enumerate(values)]
+        # rules finer than the finest would be made again in vain
+        finest = finest_tolerance(setup)
+        served, finer = max(asked, finest), values
+        support = math.inf
+        if served > finest:
+            finer = evaluate_setup(setup, *at, orders, max(0.01 * served, finest, 1e-14))
+            support = served
+        coarser = _coarser(setup, at, orders, served, total)
+        spread = _stated(total, finer.sum(axis=0), [(t, c.sum(axis=0)) for t, c in coarser], support)
+        errors = [_stated(v, finer[n], [(t, c[n]) for t, c in coarser], support) for n, v in enumerate(values)]
     everything = clock.seconds
     names = component_names(setup, orders) if components else ()
     return {
@@ -261,14 +273,16 @@ def _stated(value: Array, finer: Array, coarser: list[tuple[float, Array]], tole
     """Return the absolute error to state of values (C,) that were compared with finer and looser rules.
 
     Rules that agree, by chance or because they have the same nodes, say nothing: the error is at least the lesser of
-    the loosest tolerance with the same bits and the difference to the next. Where none differs there is no rule.
+    the loosest tolerance with the same bits and the difference to the next. Where none differs there is no rule. An
+    infinite tolerance lets the difference to the next count alone.
     """
     difference = float(np.abs(finer - value).max())
     for looser, other in coarser:
         gap = float(np.abs(other - value).max())
         if gap > 0.0:
-            return max(difference, min(tolerance * float(np.abs(value).max()), gap))
-        tolerance = looser
+            supported = gap if math.isinf(tolerance) else min(tolerance * float(np.abs(value).max()), gap)
+            return max(difference, supported)
+        tolerance = max(tolerance, looser)
     return difference
 
 

@@ -62,7 +62,7 @@ def _limit(p: float, index: float, n: float, alpha: float, lowest: float, level:
 
 
 def lowest_class(p: Array) -> float:
-    """Return the elevation down to which panels become finer for directions p, one of a few: 1e-3 times 1, 16, 256, ..."""
+    """Return the elevation down to which panels become finer for directions p: 1e-3 times a power of 16."""
     size = float(np.abs(p).min(initial=1.0))
     # the azimuth modes of grazing light vary on the scale of its elevation, but not for ever
     return LOWEST * 16.0 ** max(math.floor(math.log(max(size / LOWEST, 1.0), 16.0)), 0)

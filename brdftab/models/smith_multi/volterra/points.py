@@ -1,4 +1,4 @@
-"""Values at listed pairs of directions, in groups that are solved on panels aligned with their own angles."""
+"""Values at listed pairs of directions, each pair of elevations solved on panels aligned with its own angles."""
 
 from __future__ import annotations
 
@@ -13,23 +13,12 @@ from brdftab.models.smith_multi.volterra.orders import sum_pairs, to_series
 from brdftab.models.smith_multi.volterra.settings import Settings
 from brdftab.models.smith_multi.volterra.table import distribution, fitted_fresnel, reached, solved_sources
 
-# distinct polar angles of a group
-MOST_ANGLES = 48
-
 
 def _groups(low: np.ndarray, high: np.ndarray) -> list[np.ndarray]:
-    """Return index lists of pairs with at most `MOST_ANGLES` distinct elevations each; grazing pairs come together."""
-    order = np.lexsort((high, low))
-    found, start = [], 0
-    seen: set[float] = set()
-    for at, n in enumerate(order):
-        more = {low[n], high[n]} - seen
-        if len(seen) + len(more) > MOST_ANGLES and at > start:
-            found.append(order[start:at])
-            start, seen, more = at, set(), {low[n], high[n]}
-        seen |= more
-    found.append(order[start:])
-    return found
+    """Return index lists of pairs with the same elevations: nothing else shapes their panels and modes."""
+    _, place = np.unique(np.stack([low, high]), axis=1, return_inverse=True)
+    order = np.argsort(place.reshape(-1), kind="stable")
+    return np.split(order, np.cumsum(np.bincount(place.reshape(-1)))[:-1])
 
 
 def evaluate(
