@@ -65,7 +65,8 @@ FURTHER, FINEST = 1e-5, LEVELS[-1][0]
 
 def level(tolerance: float, alpha: float) -> Level:
     """Return the resolution for a relative error; the finest one below 1e-6."""
-    found = next((found for least, found in LEVELS if tolerance >= least), LEVELS[-1][1])
+    # 100 times 1e-6 is less than 1e-4 by rounding
+    found = next((found for least, found in LEVELS if tolerance >= (1.0 - 1e-9) * least), LEVELS[-1][1])
     more = max(ROUGH / alpha, 1.0)
     # the tails between narrow lobes fall like a power of alpha against their peaks
     return replace(found, modes=int(found.modes * min(more**0.75, MORE)), reach=found.reach + 3.0 * math.log(more))
