@@ -9,15 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.axes import HALF_PI, SAME
-from brdftab.cells import axis_nodes
+from brdftab.cells import axis_nodes, gauss
 from brdftab.engine import Engine
 from brdftab.grid import Grid
 from brdftab.integrals import directional, nodes_for, split
 from brdftab.models.setup import Setup
 
 Array = NDArray[np.float64]
-# rows whose albedo is integrated, and nodes over each axis of a light's cell
-ROWS, LIGHTS = {True: 6, False: 3}, {True: 3, False: 2}
+# rows whose albedo is integrated, and nodes over each axis of a light's cell; at the horizon, where masking sets in
+# within alpha, more of them, crowded there
+ROWS, LIGHTS, GRAZING = {True: 6, False: 3}, {True: 3, False: 2}, {True: 12, False: 6}
 # albedos below this are compared absolutely
 FLOOR = 1e-9
 
@@ -56,6 +57,22 @@ def _albedo(setup: Setup, engine: Engine, grid: Grid, theta_i: float, phi_i: flo
     return reflected + transmitted if both else (reflected if theta_i < HALF_PI else transmitted)
 
 
+def _lights(grid: Grid, name: str, index: int) -> tuple[Array, Array]:
+    """Return nodes and weights, which add up to 1, over a cell of the light; the position alone of point values."""
+    if grid.cell != "average":
+        return grid.axes[name][index : index + 1], np.ones(1)
+    edges = grid.edges[name][index : index + 2]
+    if name == "theta_i" and np.abs(edges - HALF_PI).min() <= SAME:
+        x, w = gauss(GRAZING[grid.isotropic])
+        width = float(np.abs(edges - HALF_PI).max())
+        rise = width * x * x
+        # d elevation = 2 width x dx; cos(theta) = sin(elevation)
+        weight = w * x * np.sin(rise) * np.cos(rise)
+        return HALF_PI + math.copysign(1.0, float(edges.mean()) - HALF_PI) * rise, weight / weight.sum()
+    nodes, weights = axis_nodes(edges, LIGHTS[grid.isotropic], name == "theta_i")
+    return nodes[:, 0], weights[:, 0]
+
+
 def _rows(grid: Grid) -> list[tuple[int, ...]]:
     """Return the rows that are looked at: first, last and some between."""
     count = ROWS[grid.isotropic]
@@ -89,18 +106,13 @@ def energies(setup: Setup, grid: Grid, values: NDArray[np.floating], tolerance: 
         return None
     held, engine = table_energy(grid, values), Engine(setup, tolerance, fast=False)
     names = grid.axis_names[:1] if grid.isotropic else grid.axis_names[:2]
-    lights = LIGHTS[grid.isotropic] if grid.cell == "average" else 1
-    rules = [axis_nodes(grid.edges[name], lights, name.startswith("theta")) for name in names]
     table, albedo, places = [], [], _rows(grid)
     for row in places:
-        angles = [rule[0][:, k] for rule, k in zip(rules, row, strict=True)]
-        if grid.cell != "average":
-            angles = [np.array([grid.axes[name][k]]) for name, k in zip(names, row, strict=True)]
-        around = angles[1] if len(angles) > 1 else np.zeros(1)
-        turn = rules[1][1][:, row[1]] if len(angles) > 1 else np.ones(1)
+        rules = [_lights(grid, name, k) for name, k in zip(names, row, strict=True)]
+        theta, around = rules[0], rules[1] if len(rules) > 1 else (np.zeros(1), np.ones(1))
         mean = np.zeros(len(setup.channels))
-        for t, w in zip(angles[0], rules[0][1][:, row[0]], strict=True):
-            for p, v in zip(around, turn, strict=True):
+        for t, w in zip(*theta, strict=True):
+            for p, v in zip(*around, strict=True):
                 mean += w * v * _albedo(setup, engine, grid, float(t), float(p), tolerance)
         table.append(held[row])
         albedo.append(mean)

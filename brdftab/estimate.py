@@ -24,7 +24,8 @@ MIRRORS = 2
 MIRROR_FINE = 8
 # averaged cells compared: regular ones, and those that see a narrow lobe; the reference asks for this share of the
 # tolerance, with more nodes a box than the table had, and at most so many points
-AVERAGED, LOBES, REFERENCE, FINER, MOST = 64, 24, 0.1, 2, 1 << 22
+AVERAGED, LOBES, REFERENCE, MOST = 64, 24, 0.1, 1 << 23
+FINER = {True: 2, False: 1}
 # rows' energies beside albedos that are exact to this share of the tolerance
 ALBEDO = 0.25
 ENERGY = "largest difference of a row's energy to the albedo, over the largest channel, at rows from first to last"
@@ -127,7 +128,7 @@ def _averaged(
         held = held[np.unique(np.linspace(0, len(held) - 1, LOBES).round().astype(int))]
         cells = np.unique(np.concatenate([cells, held]), axis=0)
     engine = Engine(setup, max(REFERENCE * tolerance, 1e-13), fast=False)
-    finer = NODES + FINER if nodes <= NODES else NODES + 2 * FINER
+    finer = NODES + FINER[grid.isotropic] * (1 if nodes <= NODES else 2)
     narrow = lobed[tuple(cells.T)]
     reference, _ = cell_averages(engine, grid, cells, REFERENCE * tolerance, finer, narrow, MOST)
     return cells, reference[:, 0], int(np.count_nonzero(narrow))

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 # many times the tolerance: the finer rule is off by a part of that
 DIFFERENCE = 3.0
 # points for cells that are averaged again: so many a cell of the grid, but not fewer than a small grid may have
-POINTS, LEAST_POINTS = 64, 1 << 22
+POINTS, LEAST_POINTS = 64, 1 << 25
 # share of the work that Gauss nodes common to all cells make up, for the bar that shows progress
 COMMON = 0.8
 
