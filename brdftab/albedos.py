@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import time
 import zipfile
 import zlib
 from collections.abc import Sequence
@@ -23,6 +22,7 @@ from brdftab.evaluation import check_tolerance, is_stochastic
 from brdftab.integrals import check_fixed, many, nodes_for, split
 from brdftab.models.setup import Setup, resolve
 from brdftab.provenance import machine
+from brdftab.timing import Clock
 
 Array = NDArray[np.float64]
 FORMAT = "brdftab-albedo"
@@ -187,7 +187,7 @@ def tabulate_albedo(
     ParameterError
         If a parameter is malformed, the surface is anisotropic, or the model's values carry noise.
     """
-    started = time.perf_counter()
+    clock = Clock()
     asked, end = check_tolerance(tolerance), check_fixed(fixed)
     if not (isinstance(cosines, int) and 2 <= cosines <= 4096):
         raise ParameterError.out_of_range("cosines", cosines, "[2, 4096]", "cells between grazing and normal light")
@@ -211,7 +211,7 @@ def tabulate_albedo(
         made.append(row(setup, mu, asked, fixed=end))
         if progress is not None:
             progress((number + 1.0) / len(rows))
-    table = assembled(mu, made, asked, time.perf_counter() - started, end)
+    table = assembled(mu, made, asked, clock.seconds, end)
     if roughness is not None:
         del table.provenance["parameters"][name]
     return table

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import time
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -17,6 +16,7 @@ from brdftab.evaluation import has_mirror_averages, singular
 from brdftab.filling import fill_averages, fill_grid
 from brdftab.grid import Grid
 from brdftab.models.setup import Setup
+from brdftab.timing import Clock
 
 Array = NDArray[np.float64]
 MIRROR_NODES = (7, 11)
@@ -77,14 +77,14 @@ class Run:
     ) -> None:
         self.setup, self.grid, self.orders = setup, grid, orders
         self.cells = singular_cells(averaged or setup, grid)
-        started = time.perf_counter()
+        clock = Clock()
         self.engine = engine or Engine(setup, tolerance, orders, fast)
-        self.kernel_time = time.perf_counter() - started
+        self.kernel_time = clock.seconds
         self.values = np.empty((self.engine.layers, *grid.shape, len(setup.channels)), dtype=dtype)
 
     def compute(self, nodes: int, progress: Progress | None) -> None:
         """Fill the table; nodes is the number of Gauss nodes along each coordinate of an averaged cell."""
-        started = time.perf_counter()
+        clock = Clock()
         if self.grid.cell == "average":
             share = next((share for least, share in AVERAGE_RULES if nodes <= least), AVERAGE_RULES[-1][1])
             asked = share[self.grid.isotropic] * self.engine.tolerance
@@ -93,15 +93,15 @@ class Run:
             fill_grid(self.engine, self.grid, self.values, progress)
             if len(self.cells):
                 self._store(mirror_average(self.engine, self.grid, self.cells, nodes))
-        self.kernel_time += time.perf_counter() - started
+        self.kernel_time += clock.seconds
 
     def refine(self, worst: tuple[int, ...]) -> bool:
         """Make the averages of the mirror cells again with more nodes if the worst cell is one of them."""
         if self.grid.cell != "center" or worst not in {tuple(c) for c in self.cells.tolist()}:
             return False
-        started = time.perf_counter()
+        clock = Clock()
         self._store(mirror_average(self.engine, self.grid, self.cells, MIRROR_NODES[1]))
-        self.kernel_time += time.perf_counter() - started
+        self.kernel_time += clock.seconds
         return True
 
     def _store(self, mean: Array) -> None:

@@ -82,7 +82,9 @@ def _rows(grid: Grid) -> list[tuple[int, ...]]:
     return [(int(i), (k * grid.shape[1]) // count) for k, i in enumerate(polar)]
 
 
-def energies(setup: Setup, grid: Grid, values: NDArray[np.floating], tolerance: float) -> dict[str, Any] | None:
+def energies(
+    setup: Setup, grid: Grid, values: NDArray[np.floating], tolerance: float, engine: Engine | None = None
+) -> dict[str, Any] | None:
     """Return the energy of some rows beside their albedo; None where the views do not fill the hemisphere.
 
     Parameters
@@ -95,6 +97,8 @@ def energies(setup: Setup, grid: Grid, values: NDArray[np.floating], tolerance: 
         The table, 1/sr.
     tolerance : float
         Relative error asked of the albedo.
+    engine : Engine, optional
+        What evaluates the albedo; by default points, not a fast path that the table may come from.
 
     Returns
     -------
@@ -104,7 +108,7 @@ def energies(setup: Setup, grid: Grid, values: NDArray[np.floating], tolerance: 
     """
     if not is_whole(grid):
         return None
-    held, engine = table_energy(grid, values), Engine(setup, tolerance, fast=False)
+    held, engine = table_energy(grid, values), engine or Engine(setup, tolerance, fast=False)
     names = grid.axis_names[:1] if grid.isotropic else grid.axis_names[:2]
     table, albedo, places = [], [], _rows(grid)
     for row in places:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from typing import Any
 
 import numpy as np
@@ -12,10 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 from brdftab import delta, models
 from brdftab.errors import ParameterError, SingularDirectionError
 from brdftab.models.setup import Setup, component_names, resolve
+from brdftab.timing import Clock
 
 Array = NDArray[np.float64]
 ORDERS = 8
 MIRROR = 1e-14
+EPS = float(np.finfo(np.float64).eps)
+# factors of the tolerance at which a point value is evaluated beside itself
+COARSER = (100.0, 10_000.0)
 TOLERANCE = 1e-9
 
 
@@ -176,35 +179,41 @@ def evaluate(
 def evaluate_point(
     setup: Setup, theta_i: float, theta_o: float, phi: float, phi_i: float, *, tolerance: float, components: bool
 ) -> dict[str, Any]:
-    """Evaluate one pair of directions (radians) with its estimated error and run time.
+    """Evaluate one pair of directions (radians) with its estimated errors and run times.
 
-    The error is the difference to the same evaluation at a hundredth of the tolerance, relative to the largest channel,
-    plus the rounding of float64; of an estimate with noise it is the standard error instead.
+    The value is compared with those at a hundredth of the tolerance and at `COARSER` tolerances: the error is the
+    difference to the finer one, but no less than what the coarser ones support (see `_stated`), relative to the largest
+    channel, plus the rounding of float64. Of an estimate with noise it is the standard error instead.
 
     Returns
     -------
     dict
-        model, parameters, channels, value, components (None unless asked), delta (None but at the mirror direction of
-        a flat interface: the share of light, a channel each, that is reflected there beside `value`), error,
-        run_time_s; JSON-able.
+        model, parameters, channels, value, components (None unless asked), component_errors (None unless asked, and of
+        estimates with noise; by name {"absolute": in 1/sr, "relative": to the component's own largest channel}), delta
+        (None but at the mirror direction of a flat interface: the share of light, a channel each, that is reflected
+        there beside `value`), error, run_time_s (of the value) and error_time_s (of what
+        it was compared with), compilation left out; JSON-able.
     """
     asked = check_tolerance(tolerance)
     orders = ORDERS if components else 0
-    evaluate_setup(setup, theta_i, theta_o, phi, phi_i, orders, asked)
-    started = time.perf_counter()
+    at = (theta_i, theta_o, phi, phi_i)
+    errors = None
+    clock = Clock()
     if is_stochastic(setup):
-        angles = [np.array([a], dtype=np.float64) for a in (theta_i, theta_o, phi, phi_i)]
+        angles = [np.array([a], dtype=np.float64) for a in at]
         found = models.kernel(setup.model.name).estimates(setup, *angles, orders=orders, tolerance=asked)
-        values, spread = found.values[0], float(found.standard_error.max())
+        elapsed = clock.seconds
+        values = found.values[0]
+        total, spread = values.sum(axis=0), float(found.standard_error.max())
     else:
-        values = evaluate_setup(setup, theta_i, theta_o, phi, phi_i, orders, asked)
-    elapsed = time.perf_counter() - started
-    total = values.sum(axis=0)
-    if not is_stochastic(setup):
-        finer = evaluate_setup(setup, theta_i, theta_o, phi, phi_i, 0, max(0.01 * asked, 1e-14))[0]
-        spread = float(np.abs(finer - total).max())
-    scale = float(np.abs(total).max())
-    error = spread / scale if scale > 0.0 else 0.0
+        values = evaluate_setup(setup, *at, orders, asked)
+        elapsed = clock.seconds
+        total = values.sum(axis=0)
+        finer = evaluate_setup(setup, *at, orders, max(0.01 * asked, 1e-14))
+        coarser = [evaluate_setup(setup, *at, orders, min(asked * factor, 0.5)) for factor in COARSER]
+        spread = _stated(total, finer.sum(axis=0), [c.sum(axis=0) for c in coarser], asked)
+        errors = [_stated(v, finer[n], [c[n] for c in coarser], asked) for n, v in enumerate(values)]
+    everything = clock.seconds
     names = component_names(setup, orders) if components else ()
     return {
         "model": setup.model.name,
@@ -212,10 +221,36 @@ def evaluate_point(
         "channels": list(setup.channels),
         "value": total.tolist(),
         "components": dict(zip(names, values.tolist(), strict=True)) if components else None,
+        "component_errors": None
+        if errors is None or not components
+        else {
+            name: {"absolute": error + EPS * float(np.abs(total).max()), "relative": _relative(error, value) + EPS}
+            for name, error, value in zip(names, errors, values, strict=True)
+        },
         "delta": _delta(setup, theta_i, theta_o, phi),
-        "error": error + float(np.finfo(np.float64).eps),
+        "error": _relative(spread, total) + EPS,
         "run_time_s": elapsed,
+        "error_time_s": everything - elapsed,
     }
+
+
+def _relative(spread: float, value: Array) -> float:
+    """Return an absolute error over the largest channel; 0 where nothing is wrong with 0."""
+    scale = float(np.abs(value).max())
+    if scale == 0.0:
+        return 0.0 if spread == 0.0 else 1.0
+    return spread / scale
+
+
+def _stated(value: Array, finer: Array, coarser: list[Array], tolerance: float) -> float:
+    """Return the absolute error to state of values (C,) that were compared with finer and coarser rules.
+
+    Rules that agree by chance, or because both have the same nodes, say nothing: where coarser ones differ, the error
+    is at least the lesser of the tolerance and their difference. Where none differs there is no rule, and no error.
+    """
+    difference = float(np.abs(finer - value).max())
+    wider = max(float(np.abs(c - value).max()) for c in coarser)
+    return max(difference, min(tolerance * float(np.abs(value).max()), wider))
 
 
 def _delta(setup: Setup, theta_i: float, theta_o: float, phi: float) -> list[float] | None:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from brdftab.engine import Engine, Progress
 from brdftab.errors import ParameterError
 from brdftab.grid import Grid
 from brdftab.models.setup import Setup
+from brdftab.timing import Clock
 
 Array = NDArray[np.float64]
 LAYER = "standard_error"
@@ -85,11 +85,11 @@ class Drawn:
 
     def compute(self, progress: Progress | None) -> Spread:
         """Draw the paths and return how noisy the table is."""
-        started = time.perf_counter()
+        clock = Clock()
         found = models.kernel(self.setup.model.name).estimate_table(
             self.setup, self.grid.axes, orders=self.orders, tolerance=self.tolerance, progress=progress
         )
-        self.kernel_time = time.perf_counter() - started
+        self.kernel_time = clock.seconds
         self.values = found.values.astype(self.dtype, copy=False)
         self.standard_error = found.standard_error.astype(self.dtype, copy=False)
         total = np.abs(found.values.sum(axis=0)).max(axis=-1)
@@ -133,11 +133,3 @@ def draw(
         )
     drawn = Drawn(setup, grid, dtype, tolerance, orders)
     return drawn, drawn.compute(progress)
-
-
-def warm_up(setup: Setup, grid: Grid, orders: int) -> None:
-    """Compile the estimators on a few cells with one path each."""
-    one = replace(setup, values={**setup.values, "samples": 1})
-    models.kernel(setup.model.name).estimate_table(
-        one, {name: positions[:2] for name, positions in grid.axes.items()}, orders=orders, tolerance=0.5, progress=None
-    )

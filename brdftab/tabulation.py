@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-import time
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -14,15 +13,18 @@ from numpy.typing import DTypeLike, NDArray
 
 from brdftab import memory, models
 from brdftab._version import __version__
-from brdftab.attempts import until_met
-from brdftab.engine import Engine, Progress
+from brdftab.attempts import Run, until_met
+from brdftab.energy import energies
+from brdftab.engine import Progress
 from brdftab.errors import GridError, ParameterError
+from brdftab.estimate import Estimate
 from brdftab.evaluation import ORDERS, check_tolerance, is_stochastic
 from brdftab.grid import Grid
 from brdftab.models.setup import Setup, component_names, resolve
 from brdftab.provenance import machine, physics, verdict
-from brdftab.stochastic import LAYER, Drawn, draw, warm_up
+from brdftab.stochastic import LAYER, Drawn, Spread, draw
 from brdftab.table import Table
+from brdftab.timing import Clock
 
 Array = NDArray[np.float64]
 DEFAULT_GRID = "90x90x180"
@@ -55,18 +57,13 @@ def _check_memory(grid: Grid, channels: int, dtype: DTypeLike, layers: int) -> N
         )
 
 
-def _warm_up(setup: Setup, grid: Grid, tolerance: float, orders: int, dtype: DTypeLike) -> float:
-    """Compile the kernels on a handful of cells and return the time it took."""
-    started = time.perf_counter()
-    if is_stochastic(setup):
-        warm_up(setup, grid, orders)
-        return time.perf_counter() - started
-    engine = Engine(setup, tolerance, orders, trial=True)
-    angle = np.array([0.3, 0.7])
-    if setup.isotropic:
-        engine.fill(angle, angle, angle, np.empty((engine.layers, 2, 2, 2, len(setup.channels)), dtype))
-    engine.points(angle, angle[::-1].copy(), angle, angle)
-    return time.perf_counter() - started
+def _energy(run: Run | Drawn, judged: Estimate | Spread, tolerance: float) -> dict[str, Any] | None:
+    """Return the light that rows of a table hold beside their albedo; None of points, of estimates with noise."""
+    if isinstance(judged, Spread):
+        return None
+    if run.grid.cell != "center" or run.engine.layers > 1:
+        return judged.energy
+    return energies(run.setup, run.grid, run.total, tolerance, run.engine)
 
 
 def default_grid(setup: Setup) -> str:
@@ -125,7 +122,7 @@ def tabulate(
     SingularDirectionError
         If point values are asked where the model has none.
     """
-    started = time.perf_counter()
+    clock = Clock()
     asked = check_tolerance(tolerance)
     if str(dtype) not in ("float32", "float64"):
         raise ParameterError(f"dtype = {dtype} is not known; choose float32 or float64")
@@ -151,7 +148,6 @@ def tabulate(
     orders = ORDERS if components else 0
     _check_memory(layout, len(setup.channels), dtype, len(component_names(setup, orders)) if components else 0)
     with thread_count(threads) as used:
-        compile_time = _warm_up(setup, layout, asked, orders, np.float64 if layout.cell == "average" else dtype)
         compute = draw if is_stochastic(setup) else until_met
         run, judged = compute(setup, layout, dtype, asked, orders, progress)
         names = component_names(setup, orders) if components else ()
@@ -166,8 +162,9 @@ def tabulate(
             "averaged_cells": len(run.cells) if layout.cell != "average" else layout.size,
             "method": run.method,
             **physics(setup, run.engine, asked, layout),
+            "energy": _energy(run, judged, asked),
             "kernel_time_s": run.kernel_time,
-            "compile_time_s": compile_time,
+            "compile_time_s": clock.compiling,
             "total_time_s": 0.0,
             "cells_per_s": layout.size / max(run.kernel_time, 1e-9),
             "threads": used,
@@ -177,7 +174,8 @@ def tabulate(
     if isinstance(run, Drawn):
         layers[LAYER] = run.standard_error
     table = Table(run.total, layout, setup.channels, layers, None, provenance, __version__)
-    table.provenance["total_time_s"] = time.perf_counter() - started
+    # the albedo in the provenance compiles kernels, too
+    table.provenance |= {"compile_time_s": clock.compiling, "total_time_s": clock.seconds}
     return table
 
 

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import shlex
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 import brdftab
-from brdftab import models
+from brdftab import models, validate
 from brdftab.cli import main
 from brdftab.errors import ParameterError
 from brdftab.models.setup import resolve
@@ -22,7 +23,7 @@ from brdftab.validate.probe import Subject
 from brdftab.validate.properties.gradient import resolved
 from brdftab.validate.properties.reciprocity import between
 from brdftab.validate.run import check
-from brdftab.validate.settings import extremes, setups
+from brdftab.validate.settings import extremes, refusal, setups
 
 HERE = (0.5, 0.7, 1.0, 0.0)
 
@@ -227,6 +228,38 @@ def test_every_model_takes_part(name):
             met = [np.atleast_1d(s.parameters[param.name]) for s in all_ if s.parameters.get(param.name) is not None]
             assert met, param.name
             assert min(m.min() for m in met) < max(m.max() for m in met)
+
+
+@pytest.mark.parametrize("name", models.names())
+def test_words_and_bounds_are_never_thinned_out(name):
+    """What is taken always holds every word and both bounds of each parameter that the model takes there."""
+    few = [s.parameters for s in setups(name, fast=True)]
+    for param in models.spec(name).params:
+        met = [given[param.name] for given in few if given.get(param.name) is not None]
+        if param.kind == "choice":
+            taken = {word for word in param.choices if refusal(name, {param.name: word}) is None}
+            assert taken <= {*met, param.default}, param.name
+        elif param.kind in ("float", "channels"):
+            ends = [b for b in param.bounds if refusal(name, {param.name: b}) is None]
+            assert set(ends) <= {float(x) for m in met for x in np.atleast_1d(m)}, param.name
+
+
+@pytest.mark.parametrize(("model", "param", "value"), [("lambert", "kd", 1.0), ("oren-nayar", "kd", 1.0)])
+def test_ten_times_the_light_at_a_bound_alone_is_seen_by_the_fast_check(model, param, value, monkeypatch):
+    def brighter(f, angles, setup):
+        return f * (10.0 if np.all(setup.values[param] == value) else 1.0)
+
+    broken(monkeypatch, model, brighter)
+    assert not check(model, fast=True, only=["energy"]).green
+
+
+def test_names_of_the_checks_are_documented():
+    """What a model's checks may declare is told, and all that is told is read."""
+    folder = Path(validate.__file__).parent
+    text = "".join(path.read_text() for path in sorted(folder.rglob("*.py")))
+    read = set(re.findall(r'(?:said|getattr)\((?:own, )?"([A-Z_]+)"', text))
+    documented = set(re.findall(r"``([A-Z_]+)``", models.checks.__doc__))
+    assert read == documented
 
 
 # ---------------------------------------------------------------- known limits

@@ -257,6 +257,25 @@ def test_other_units_are_suspected(factor, suspected):
     assert not suspected or "channel R" in lines[0]
 
 
+def test_lights_that_were_not_measured_say_nothing_of_the_unit():
+    theta_i = np.radians([10.0, 20.0, 30.0, 40.0])
+    theta_o, phi = np.radians(np.arange(2.5, 90.0, 5.0)), np.radians(np.arange(5.0, 180.0, 10.0))
+    grid = Grid.from_axes(theta_i=theta_i, theta_o=theta_o, phi=phi)
+
+    def told(value, mask=None):
+        return suspicions(Table(np.full((*grid.shape, 1), value), grid, ("Y",), mask=mask))
+
+    (line,) = told(80.0)
+    assert "another unit" in line
+    assert told(0.3) == []
+    # half of the views unmeasured: what is left is a lower bound that is still too bright
+    mask = np.ones((*grid.shape, 1), bool)
+    mask[:, 9:] = False
+    mask[1] = False
+    assert len(told(80.0, mask)) == 1
+    assert told(80.0, np.zeros_like(mask)) == []
+
+
 def test_cosine_and_percent_are_both_told():
     lines = suspicions(table(lambda a, b, c: 100.0 * smooth(a, b, c) * np.cos(a)[..., None]))
     assert len(lines) == 2

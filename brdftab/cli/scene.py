@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -99,7 +98,9 @@ def tabulate_scene(
     for name, value in idle.items():
         if value is not None and value is not False and value != ():
             raise ParameterError(f"{name} = {value} goes with --model; a scene states it in its file")
-    started = time.perf_counter()
+    from brdftab.timing import Clock
+
+    clock = Clock()
     scene = read(file)
     paths = _paths(scene, outs, file)
     for path in paths.values():
@@ -120,7 +121,7 @@ def tabulate_scene(
             fits = fits and facts.get("verified", {}).get("holds", True)
             if report is not None:
                 report((number + 1) / len(made))
-    wall = time.perf_counter() - started
+    wall = clock.seconds
     if as_json:
         click.echo(json.dumps({"scene": file, "wall_time_s": wall, "materials": told}, indent=2, allow_nan=False))
     else:

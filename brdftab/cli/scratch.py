@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import time
 from typing import Any
 
 import click
@@ -221,7 +220,9 @@ def picture(
     spheres = None if layers is None else [Sphere(read(layers), projection, tiles)]
     if not has_compiled("cones"):
         click.echo("brdftab: compiling kernels: the first picture takes up to a minute longer", err=True)
-    started = time.perf_counter()
+    from brdftab.timing import Clock
+
+    clock = Clock()
     with progress_bar("drawing") as report:
         pixels = render(
             spheres, size, samples=samples, detail=detail, maps_size=maps_size, seed=seed, exposure=exposure,
@@ -232,7 +233,7 @@ def picture(
         "file": out,
         "rows": pixels.shape[0],
         "columns": pixels.shape[1],
-        "run_time_s": time.perf_counter() - started,
+        "run_time_s": clock.seconds,
     }
     if as_json:
         click.echo(json.dumps(facts, indent=2, allow_nan=False))

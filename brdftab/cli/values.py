@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import time
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -78,8 +77,16 @@ def evaluate(
     if result["delta"]:
         shares = "  ".join(f"{v:.10g}" for v in result["delta"])
         click.echo(f"mirror direction of a flat interface: its reflectance {shares} is a delta, no part of the value")
-    click.echo(f"estimated relative error {result['error']:.1e}, run time {result['run_time_s'] * 1e3:.3g} ms")
+    for name, error in (result["component_errors"] or {}).items():
+        click.echo(f"error of {name:<11} {error['absolute']:.1e}/sr, relative {error['relative']:.1e}")
+    click.echo(
+        f"estimated relative error {result['error']:.1e}, run time {result['run_time_s'] * 1e3:.3g} ms, "
+        f"and {result['error_time_s'] * 1e3:.3g} ms for the error"
+    )
 
+
+# rows of centres that are further from the albedo than this are told
+BETWEEN = 0.1
 
 _AXIS = "start:stop:count or a,b,c [degrees]"
 
@@ -159,7 +166,9 @@ def tabulate(
     for name, asked in (("verify_plan", verify_plan), ("no_cache", no_cache)):
         if asked:
             raise ParameterError(f"{name} goes with --scene; leave it out")
-    started = time.perf_counter()
+    from brdftab.timing import Clock
+
+    clock = Clock()
     axes = {name: options.pop(name) for name in ("theta_i", "theta_o", "phi", "phi_i", "phi_o")}
     axes = {name: value for name, value in axes.items() if value is not None}
     if axes and grid is not None:
@@ -200,7 +209,7 @@ def tabulate(
         )
     for path in paths:
         write(table, path, overwrite=overwrite)
-    _summary(table, paths, time.perf_counter() - started, as_json)
+    _summary(table, paths, clock.seconds, as_json)
 
 
 def _summary(table: Table, paths: tuple[str, ...], wall: float, as_json: bool) -> None:
@@ -220,6 +229,7 @@ def _summary(table: Table, paths: tuple[str, ...], wall: float, as_json: bool) -
             "albedo": albedo,
             "error": error,
             "delta": made["delta"],
+            "energy": made["energy"],
             "energy_left_out": made["energy_left_out"],
             "kernel_time_s": made["kernel_time_s"],
             "compile_time_s": made["compile_time_s"],
@@ -253,6 +263,11 @@ def _summary(table: Table, paths: tuple[str, ...], wall: float, as_json: bool) -
         if made["energy_left_out"]:
             for angle, values in zip(albedo["theta_i_degrees"], made["energy_left_out"]["values"], strict=True):
                 click.echo(f"left out {angle:>2g}  " + "  ".join(f"{v:.2e}" for v in values))
+        if made["energy"]:
+            click.echo(
+                f"energy       rows hold their albedo within {made['energy']['largest']:.1e}, worst at theta_i = "
+                f"{made['energy']['at_degrees']:.4g}"
+            )
         click.echo(f"error        {error['estimate']:.1e} estimated (95 % of cells below {error['p95']:.1e})")
         click.echo(
             f"run time     {made['kernel_time_s']:.3f} s in kernels, {wall:.2f} s in all, "
@@ -260,12 +275,27 @@ def _summary(table: Table, paths: tuple[str, ...], wall: float, as_json: bool) -
         )
         for path in paths:
             click.echo(f"wrote        {path}")
+    if made["compile_time_s"] > 0.5:
+        click.echo(f"brdftab: compiled for {made['compile_time_s']:.1f} s, which no run time counts", err=True)
+    if table.grid.cell == "center" and made["energy"] and made["energy"]["largest"] > BETWEEN:
+        click.echo(f"Warning: {_between(made['energy'])}", err=True)
     if not error["met"]:
         click.echo(
             f"Warning: the estimated error {error['estimate']:.1e} exceeds tolerance {error['tolerance']:g}: "
             f"{error['reason']}",
             err=True,
         )
+
+
+def _between(energy: dict[str, Any]) -> str:
+    """Say that a lobe falls between the cells' centres, or on them, at the row where it tells most."""
+    row = energy["theta_i_degrees"].index(energy["at_degrees"])
+    held, albedo = max(energy["table"][row]), max(energy["albedo"][row])
+    return (
+        f"the cells of the row at theta_i = {energy['at_degrees']:.4g} degrees hold {held:.3g} of the light, the "
+        f"albedo is {albedo:.3g}: values at centres miss or overstate a lobe as narrow as a cell; take --cell average or a "
+        "finer grid"
+    )
 
 
 def _short(value: Any) -> str:

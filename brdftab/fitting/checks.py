@@ -93,7 +93,14 @@ def _units(found: Measurement, top: float, seed: int) -> list[str]:
     reflected = np.where(valid, values, 0.0) * weight[:, None]
     # a peak that a few directions hit cannot move the median over theta_i
     rings = np.minimum((theta_i / top * 9.0).astype(int), 8)
-    albedo = np.median([reflected[rings == k].mean(axis=0) for k in range(9)], axis=0)
+    # a ring without a valid value says nothing; what is valid of the others is a lower bound
+    lit = [valid[rings == k].any(axis=0) for k in range(9)]
+    means = [np.where(on, reflected[rings == k].mean(axis=0), np.nan) for k, on in enumerate(lit)]
+    seen = np.any(lit, axis=0)
+    if not seen.any():
+        return []
+    albedo = np.zeros(seen.shape)
+    albedo[seen] = np.nanmedian(np.array(means)[:, seen], axis=0)
     worst = int(np.argmax(albedo))
     if albedo[worst] <= PLAUSIBLE_ALBEDO:
         return []

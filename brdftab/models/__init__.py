@@ -252,11 +252,12 @@ def checks(name: str) -> ModuleType | None:
     A module ``checks`` may have: ``TOLERANCE`` (at which the checks evaluate), ``CHEAP`` (settings that keep it
     quick), ``SETTINGS`` (extremes that no bound tells), ``FURNACE`` (settings that must return all light),
     ``SWITCHES`` (where it changes formula), ``SKIP`` and ``SKIP_FAST`` (why a property is not measured),
-    ``UNCAPPED`` (False where bounces end even if no cap is given), ``CONE`` (the parameter that is the half width
-    of a cone), ``RECIPROCITY`` (what swapped pairs may differ by), ``DEAR`` (whether albedos of anisotropic
-    settings get one light), ``UNRESOLVED`` (ranges of a conductor's numbers that a limit of the tolerance names);
-    and how much is enough where it is dear, by "fast" and "full": ``THIN`` (every n-th setting), ``DIRECTIONS``
-    (every n-th), ``SCANS``, ``VARIANTS``, ``BOX`` (how many), and for both ``TWIN_DIRECTIONS``.
+    ``NO_SCAN`` (parameters along which jumps are not looked for), ``UNCAPPED`` (False where bounces end even if no cap
+    is given), ``CONE`` (the parameter that is the half width of a cone), ``RECIPROCITY`` (what swapped pairs may differ
+    by), ``TWIN_TOLERANCE`` (what the twin may differ by), ``UNRESOLVED`` (ranges of a conductor's numbers that a limit
+    of the tolerance names); and how much is enough where it is expensive, by "fast" and "full": ``THIN`` (every n-th
+    setting, bounds apart), ``DIRECTIONS`` (every n-th), ``SCANS``, ``VARIANTS``, ``BOX`` (how many), and for both
+    ``TWIN_DIRECTIONS``, ``SWITCH_DIRECTIONS`` (how many) and ``TWIN_THIN`` (every n-th setting of the twin).
 
     Raises
     ------

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +19,7 @@ from brdftab.scene.plan import Item, Plan, Planned
 from brdftab.scene.reduce import SAFETY, equal_channels, fewer_wavelengths
 from brdftab.scene.scene import Material
 from brdftab.tabulation import default_grid
+from brdftab.timing import Clock
 
 Array = NDArray[np.float64]
 COUNTS = (8, 12, 16, 24, 32, 48, 64, 96, 128, 256)
@@ -135,10 +135,10 @@ def _unplanned(setup: Setup, material: Material) -> float:
 
 def make(planned: Planned) -> AlbedoTable:
     """Tabulate what a plan of albedos says; cells that the planning took stay."""
-    started, plan = time.perf_counter(), planned.plan
+    clock, plan = Clock(), planned.plan
     cosines = (np.arange(plan.cosines) + 0.5) / plan.cosines
     found = row(plan.setup(), cosines, plan.rules, planned.cells, planned.engine)
-    table = assembled(cosines, [found], plan.rules, planned.seconds + time.perf_counter() - started)
+    table = assembled(cosines, [found], plan.rules, planned.seconds + clock.seconds)
     table.provenance["plan"] = plan.to_json()
     return table
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from brdftab.scene.knots import choose
 from brdftab.scene.lookup import options
 from brdftab.scene.plan import once
 from brdftab.scene.resolution import AROUND, Kept, bent, slab, spread, with_mirror_views
+from brdftab.timing import Clock
 
 # positions of each axis that lines along the others cross; views at the mirror side of the lights come on top
 CROSSED = {"theta_i": 5, "theta_o": 9, "phi_i": 4, "phi_o": 5}
@@ -56,14 +56,14 @@ def keep_azimuths(
         return Kept(grid, 0, 0.0, 0.0, 0.0)
     few = {name: np.arange(min(2, axis.size)) for name, axis in grid.axes.items()}
     once(f"fill of {engine.setup.model.name}, 4 axes", lambda: slab(engine, grid, few, dtype))
-    started, error, kept = time.perf_counter(), 0.0, {}
+    clock, error, kept = Clock(), 0.0, {}
     for axis, name in enumerate(grid.axis_names):
         values = slab(engine, grid, {other: index for other, index in crossed.items() if other != name}, dtype)
         lines = np.moveaxis(values, axis, 0).reshape(values.shape[axis], -1, values.shape[-1])
         way = options(name, symmetric=symmetric)
         kept[name], worst = choose(grid.axes[name], bent(lines, floor, times), tolerance / AXES, **way)
         error += worst
-    rate = (time.perf_counter() - started) / cells
+    rate = (clock.seconds) / cells
     if grid.square:
         for one, other in (("theta_i", "theta_o"), AROUND):
             kept[one] = kept[other] = np.union1d(kept[one], kept[other])

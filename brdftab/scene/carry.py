@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import replace
 from typing import Any
 
@@ -31,6 +30,7 @@ from brdftab.scene.zones import engine as engine_of
 from brdftab.stochastic import LAYER
 from brdftab.table import Table
 from brdftab.tabulation import tabulate
+from brdftab.timing import Clock
 
 Array = NDArray[np.float64]
 CHECKS = 256
@@ -162,7 +162,7 @@ def carry_out(planned: Planned, progress: Progress | None = None) -> Table | Alb
     Table or AlbedoTable
         With the plan in its provenance.
     """
-    started = time.perf_counter()
+    clock = Clock()
     plan = planned.plan
     if plan.quantity == "albedo" and plan.cosines:
         return albedo.make(planned)
@@ -205,7 +205,7 @@ def carry_out(planned: Planned, progress: Progress | None = None) -> Table | Alb
         "doi": setup.model.doi,
         "kernel_time_s": kernel,
         "planning_time_s": planned.seconds,
-        "total_time_s": planned.seconds + time.perf_counter() - started,
+        "total_time_s": planned.seconds + clock.seconds,
         "machine": machine(),
     }
     return table

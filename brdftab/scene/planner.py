@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import replace
 from typing import Any
 
@@ -26,6 +25,7 @@ from brdftab.scene.scene import Material, Scene
 from brdftab.scene.zones import engine as engine_of
 from brdftab.scene.zones import fewer_near_the_normal
 from brdftab.tabulation import default_grid
+from brdftab.timing import Clock
 
 Array = NDArray[np.float64]
 PAIRS = 192
@@ -72,12 +72,12 @@ def plan_material(material: Material) -> Planned:
     ParameterError
         If its grid or ranges do not go with the model.
     """
-    started = time.perf_counter()
+    clock = Clock()
     setup = material.setup()
     noisy = is_stochastic(setup)
     if material.quantity == "albedo" and setup.isotropic and not noisy:
         planned = albedo.plan(material, setup)
-        planned.seconds = time.perf_counter() - started
+        planned.seconds = clock.seconds
         return planned
     whole = _whole(material, setup)
     near = reached(whole, material)
@@ -125,7 +125,7 @@ def plan_material(material: Material) -> Planned:
     if not noisy:
         planned = resolved(planned, computed)
     planned.plan = replace(planned.plan, predicted=stored(planned.plan, setup) | planned.plan.predicted)
-    planned.seconds = time.perf_counter() - started
+    planned.seconds = clock.seconds
     return planned
 
 
@@ -152,11 +152,11 @@ def with_margin(items: tuple[Item, ...], tolerance: float) -> tuple[Item, ...]:
 
 def resolved(planned: Planned, setup: Setup, effort: int = 0) -> Planned:
     """Choose the positions of a plan's table; with more effort by more lines, each to a smaller error."""
-    plan, started = planned.plan, time.perf_counter()
+    plan, clock = planned.plan, Clock()
     assert plan.full is not None
     assert plan.grid is not None
     engine = planned.engine or engine_of(setup, plan)
-    build = time.perf_counter() - started
+    build = clock.seconds
     share, times = EFFORTS[setup.model.kinked and setup.values.get("masking") != "smith"][effort]
     items = tuple(item for item in plan.items if item.name != "resolution")
     grid, apart, rate = plan.grid, 0, (0.0, 0.0)

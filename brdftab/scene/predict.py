@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 
 from brdftab.attempts import MIRROR_NODES, singular_cells
@@ -12,6 +10,7 @@ from brdftab.engine import Engine
 from brdftab.grid import Grid
 from brdftab.models.setup import Setup
 from brdftab.scene.plan import Plan
+from brdftab.timing import Clock
 
 # nodes of mirror cells from a tolerance on: with three axes 4 leave up to 2e-4 of a cell, with four axes, whose cells
 # are wide, 6 leave 9e-4, 7 leave 3e-4 and 9 leave 1e-4
@@ -38,9 +37,9 @@ def averages(engine: Engine, plan: Plan) -> tuple[float, float]:
         return 0.0, 0.0
     cells, nodes = singular_cells(engine.setup, plan.grid), mirror_nodes(plan)
     some = cells[np.unique(np.linspace(0, len(cells) - 1, TIMED).round().astype(int))]
-    started = time.perf_counter()
+    clock = Clock()
     mirror_average(engine, plan.grid, some, nodes)
-    one = (time.perf_counter() - started) / len(some)
+    one = (clock.seconds) / len(some)
     finer = (MIRROR_NODES[0] / nodes) ** (3 if plan.grid.isotropic else 4)
     return counts[0] * one, counts[1] * one * finer
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +13,7 @@ from brdftab.evaluation import has_mirror_averages
 from brdftab.grid import Grid
 from brdftab.models.setup import Setup
 from brdftab.scene.plan import once
+from brdftab.timing import Clock
 
 Array = NDArray[np.float64]
 # cells at the mirror direction among the probes, nodes along each of their coordinates, and how often a cost is timed
@@ -51,9 +51,9 @@ class Probes:
             f"points of {setup.model.name}, {orders}",
             lambda: engine.points(*(a[:1] for a in (self.theta_i, self.theta_o, self.phi, self.phi_i))),
         )
-        started = time.perf_counter()
+        clock = Clock()
         found = engine.points(self.theta_i, self.theta_o, self.phi, self.phi_i)
-        return found, time.perf_counter() - started
+        return found, clock.seconds
 
     def cost(self, setup: Setup, tolerance: float) -> float:
         """Return the seconds of a fourth of the pairs, the less of two: the first may build what others find."""

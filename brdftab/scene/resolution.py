@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +18,7 @@ from brdftab.scene.knots import choose, largest, to_log
 from brdftab.scene.lookup import EVEN, expanded
 from brdftab.scene.plan import Plan, added_up, once
 from brdftab.table import Table
+from brdftab.timing import Clock
 
 Array = NDArray[np.float64]
 # least polar angles of the light and of the view, and azimuths, on which lines are drawn, and cells of a slab below
@@ -123,21 +123,21 @@ def keep(engine: Engine, grid: Grid, tolerance: float, floor: float, dtype: str,
     columns = lights["theta_o"]
     few = {name: np.arange(min(2, axis.size)) for name, axis in grid.axes.items()}
     once(f"fill of {engine.setup.model.name}, {engine.is_fast}", lambda: slab(engine, grid, few, dtype))
-    started = time.perf_counter()
+    clock = Clock()
     across = slab(engine, grid, lights, dtype)
-    slabs = [(across[..., 0].size, rows.size * columns.size, time.perf_counter() - started)]
+    slabs = [(across[..., 0].size, rows.size * columns.size, clock.seconds)]
     kept, error = {}, 0.0
     lines = np.moveaxis(across, 2, 0).reshape(grid.phi.size, -1, across.shape[-1])
     kept["phi"], worst = choose(grid.phi, bent(lines, floor, times), allowed, even=EVEN["phi"], apart=apart)
     error += worst
     if not singular:
-        started = time.perf_counter()
+        clock = Clock()
         azimuths = spread(grid.phi.size, times * _lines(AZIMUTHS, grid.theta_i.size * grid.theta_o.size), MIRRORED)
         along = slab(engine, grid, {"phi": azimuths}, dtype)
         pairs = grid.theta_i.size * grid.theta_o.size
         if grid.square and engine.setup.model.reciprocal:
             pairs = (pairs + grid.theta_i.size) // 2
-        slabs.append((azimuths.size * pairs, pairs, time.perf_counter() - started))
+        slabs.append((azimuths.size * pairs, pairs, clock.seconds))
         for axis, name in enumerate(("theta_i", "theta_o")):
             lines = np.moveaxis(along, axis, 0).reshape(along.shape[axis], -1, along.shape[-1])
             kept[name], worst = choose(grid.axes[name], bent(lines, floor, times), allowed)
@@ -167,9 +167,9 @@ def pace(engine: Engine, grid: Grid, dtype: str) -> float:
     some = {name: spread(axis.size, PACED) for name, axis in grid.axes.items() if name != "phi"}
     few = {name: np.arange(min(2, axis.size)) for name, axis in grid.axes.items()}
     once(f"fill of {engine.setup.model.name}, {len(grid.shape)} axes", lambda: slab(engine, grid, few, dtype))
-    started = time.perf_counter()
+    clock = Clock()
     values = slab(engine, grid, some, dtype)
-    return (time.perf_counter() - started) / values[..., 0].size
+    return (clock.seconds) / values[..., 0].size
 
 
 def largest_error(engine: Engine, table: Table, plan: Plan, seed: int) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,7 @@ from brdftab.scene.scene import Material
 from brdftab.stochastic import LAYER
 from brdftab.table import Table
 from brdftab.tabulation import tabulate
+from brdftab.timing import Clock
 
 Array = NDArray[np.float64]
 # the unplanned table is made this much finer than the plan's quadratures
@@ -115,10 +115,10 @@ def _timed(plan: Plan, table: Table | AlbedoTable, material: Material) -> dict[s
     from brdftab.scene.carry import carry_out
     from brdftab.scene.planner import plan_material
 
-    started = time.perf_counter()
+    clock = Clock()
     carry_out(plan_material(material))
-    planned = time.perf_counter() - started
-    started = time.perf_counter()
+    planned = clock.seconds
+    clock = Clock()
     # who looks up albedos without a plan has a table of directions, too
     tabulate(plan.model, material.grid or None, dtype=material.dtype, tolerance=material.tolerance, **plan.given)
-    return {"seconds": planned, "seconds_unplanned": time.perf_counter() - started}
+    return {"seconds": planned, "seconds_unplanned": clock.seconds}

@@ -7,7 +7,6 @@ gamma for one material; `dense` a 4-D table in (t, p) of both directions, the de
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -26,6 +25,7 @@ from brdftab.models.scratch.trace import Traced
 from brdftab.provenance import machine
 from brdftab.scratches import images
 from brdftab.scratches.traced import Scratch, material_of
+from brdftab.timing import Clock
 
 Array = NDArray[np.float64]
 KINDS = {"native": "brdftab-scratch", "triplet": "brdftab-scratch-triplet", "dense": "brdftab-scratch-dense"}
@@ -39,7 +39,7 @@ ANGLES = (
 )
 
 
-def _head(scratch: Scratch, kind: str, started: float) -> dict[str, Any]:
+def _head(scratch: Scratch, kind: str, clock: Clock) -> dict[str, Any]:
     """Return what every file says of itself."""
     one = scratch.traced
     return {
@@ -60,14 +60,14 @@ def _head(scratch: Scratch, kind: str, started: float) -> dict[str, Any]:
             "column_sum_deviation": one.deviation,
             "largest_scaling": float(np.abs(one.change - 1.0).max()),
         },
-        "run_time_s": time.perf_counter() - started,
+        "run_time_s": clock.seconds,
         "machine": machine(),
         "citation": SPEC.citation,
         "doi": SPEC.doi,
     }
 
 
-def _native(scratch: Scratch, started: float) -> tuple[images.Images, dict[str, Any]]:
+def _native(scratch: Scratch, clock: Clock) -> tuple[images.Images, dict[str, Any]]:
     one = scratch.traced
     rho = [scratch.rho(1), scratch.rho(2), scratch.rho() - scratch.rho(1) - scratch.rho(2)]
     made: images.Images = dict(zip("RGB", (np.maximum(a, 0.0) for a in rho), strict=True))
@@ -79,7 +79,7 @@ def _native(scratch: Scratch, started: float) -> tuple[images.Images, dict[str, 
             if one.facts[layer, n].any():
                 made[f"layer{layer:02d}.{name}"] = one.facts[layer, n]
     shape = asdict(one.profile) | {n: getattr(one.profile, n).tolist() for n in ("knots", "height", "slope", "bend")}
-    head = _head(scratch, "native", started) | {
+    head = _head(scratch, "native", clock) | {
         "shape": shape,
         "meaning": (
             "R, G, B: rho of mirrors in 1/rad by 1, 2 and more bounces, to look at; layerNN.flux: flux between bins, "
@@ -92,7 +92,7 @@ def _native(scratch: Scratch, started: float) -> tuple[images.Images, dict[str, 
     return made, head
 
 
-def _triplet(scratch: Scratch, fresnel: Fresnel, started: float) -> tuple[images.Images, dict[str, Any]]:
+def _triplet(scratch: Scratch, fresnel: Fresnel, clock: Clock) -> tuple[images.Images, dict[str, Any]]:
     mirror = scratch.rho()
     flat, middle = scratch.shaded(0.0, fresnel), scratch.shaded(math.pi / 3.0, fresnel)
     made: images.Images = {"rho_m": mirror}
@@ -107,7 +107,7 @@ def _triplet(scratch: Scratch, fresnel: Fresnel, started: float) -> tuple[images
         made[f"rho_0.{channel}"] = low
         made[f"gamma.{channel}"] = np.where(lit, np.clip(gamma, 0.0, NO_GAMMA), 0.0)
         undefined[channel] = float((lit & ~defined).sum() / max(lit.sum(), 1))
-    head = _head(scratch, "triplet", started) | {
+    head = _head(scratch, "triplet", clock) | {
         "channels": list(fresnel.channels),
         "fresnel": fresnel.source,
         "gamma_undefined": undefined,
@@ -121,7 +121,7 @@ def _triplet(scratch: Scratch, fresnel: Fresnel, started: float) -> tuple[images
 
 
 def _dense(
-    scratch: Scratch, fresnel: Fresnel, sizes: tuple[int, int], started: float
+    scratch: Scratch, fresnel: Fresnel, sizes: tuple[int, int], clock: Clock
 ) -> tuple[images.Images, dict[str, Any]]:
     along, across = sizes
     one = scratch.traced
@@ -145,7 +145,7 @@ def _dense(
         # by incident direction first
         values[n, :, along - 1 - n] = values[along - 1 - n, :, n] = f.transpose(1, 0, 2)
     flat = values.reshape(along * across, along * across, -1)
-    head = _head(scratch, "dense", started) | {
+    head = _head(scratch, "dense", clock) | {
         "channels": list(fresnel.channels),
         "fresnel": fresnel.source,
         "t_bins": along,
@@ -192,7 +192,7 @@ def write_scratch(
     OutputExistsError, BrdftabError
         As `brdftab.write`.
     """
-    started = time.perf_counter()
+    clock = Clock()
     if form not in KINDS:
         raise ParameterError(f"form = {form} is not known; choose one of {', '.join(KINDS)}")
     if form == "native":
@@ -200,11 +200,11 @@ def write_scratch(
             raise ParameterError(
                 f"{next(iter(material))} has no place in a native file, which serves any; leave it out"
             )
-        made, head = _native(scratch, started)
+        made, head = _native(scratch, clock)
     elif form == "triplet":
-        made, head = _triplet(scratch, material_of(material), started)
+        made, head = _triplet(scratch, material_of(material), clock)
     else:
-        made, head = _dense(scratch, material_of(material), sizes, started)
+        made, head = _dense(scratch, material_of(material), sizes, clock)
     images.write(made, head, path, overwrite=overwrite)
     return head
 

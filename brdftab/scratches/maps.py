@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -17,6 +16,7 @@ from brdftab.scratches.combine import culled
 from brdftab.scratches.indicator import sampled
 from brdftab.scratches.layers import Layer, Layered
 from brdftab.scratches.splat import PARTS, splatted
+from brdftab.timing import Clock
 
 Array = NDArray[np.float64]
 Map = NDArray[np.float32]
@@ -216,7 +216,7 @@ def alpha_maps(
             f"size = {size} with {count} layers needs {needed / 2**30:.1f} GiB, more than this machine offers "
             f"({offered() / 2**30:.1f}); ask for a smaller size"
         )
-    started = time.perf_counter()
+    clock = Clock()
     finest = np.empty((count, size, size), dtype=np.float32)
     told = []
     for n, layer in enumerate(layered.layers):
@@ -237,6 +237,6 @@ def alpha_maps(
             "size": size,
             "cull": cull,
             "culling": culls,
-            "run_time_s": time.perf_counter() - started,
+            "run_time_s": clock.seconds,
         },
     )
