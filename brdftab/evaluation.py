@@ -17,8 +17,8 @@ Array = NDArray[np.float64]
 ORDERS = 8
 MIRROR = 1e-14
 EPS = float(np.finfo(np.float64).eps)
-# factors of the tolerance at which a point value is evaluated beside itself
-COARSER = (100.0, 10_000.0)
+# a point value is compared with tolerances that grow by this factor, up to the loosest that can be asked
+COARSER, LOOSEST = 100.0, 0.5
 TOLERANCE = 1e-9
 
 
@@ -181,9 +181,10 @@ def evaluate_point(
 ) -> dict[str, Any]:
     """Evaluate one pair of directions (radians) with its estimated errors and run times.
 
-    The value is compared with those at a hundredth of the tolerance and at `COARSER` tolerances: the error is the
-    difference to the finer one, but no less than what the coarser ones support (see `_stated`), relative to the largest
-    channel, plus the rounding of float64. Of an estimate with noise it is the standard error instead.
+    The value is compared with those at a hundredth of the tolerance and at looser ones, up to the first that differs:
+    the error is the difference to the finer one, but no less than what the looser ones support (see `_stated`),
+    relative to the largest channel, plus the rounding of float64. Of an estimate with noise it is the standard error
+    instead.
 
     Returns
     -------
@@ -210,9 +211,9 @@ def evaluate_point(
         elapsed = clock.seconds
         total = values.sum(axis=0)
         finer = evaluate_setup(setup, *at, orders, max(0.01 * asked, 1e-14))
-        coarser = [evaluate_setup(setup, *at, orders, min(asked * factor, 0.5)) for factor in COARSER]
-        spread = _stated(total, finer.sum(axis=0), [c.sum(axis=0) for c in coarser], asked)
-        errors = [_stated(v, finer[n], [c[n] for c in coarser], asked) for n, v in enumerate(values)]
+        coarser = _coarser(setup, at, orders, asked, total)
+        spread = _stated(total, finer.sum(axis=0), [(t, c.sum(axis=0)) for t, c in coarser], asked)
+        errors = [_stated(v, finer[n], [(t, c[n]) for t, c in coarser], asked) for n, v in enumerate(values)]
     everything = clock.seconds
     names = component_names(setup, orders) if components else ()
     return {
@@ -242,15 +243,33 @@ def _relative(spread: float, value: Array) -> float:
     return spread / scale
 
 
-def _stated(value: Array, finer: Array, coarser: list[Array], tolerance: float) -> float:
-    """Return the absolute error to state of values (C,) that were compared with finer and coarser rules.
+def _coarser(
+    setup: Setup, at: tuple[float, float, float, float], orders: int, tolerance: float, total: Array
+) -> list[tuple[float, Array]]:
+    """Return (tolerance, values (P, C)) at looser and looser tolerances, until the total (C,) differs."""
+    found: list[tuple[float, Array]] = []
+    while tolerance < LOOSEST:
+        tolerance = min(COARSER * tolerance, LOOSEST)
+        values = evaluate_setup(setup, *at, orders, tolerance)
+        found.append((tolerance, values))
+        if not np.array_equal(values.sum(axis=0), total):
+            break
+    return found
 
-    Rules that agree by chance, or because both have the same nodes, say nothing: where coarser ones differ, the error
-    is at least the lesser of the tolerance and their difference. Where none differs there is no rule, and no error.
+
+def _stated(value: Array, finer: Array, coarser: list[tuple[float, Array]], tolerance: float) -> float:
+    """Return the absolute error to state of values (C,) that were compared with finer and looser rules.
+
+    Rules that agree, by chance or because they have the same nodes, say nothing: the error is at least the lesser of
+    the loosest tolerance with the same bits and the difference to the next. Where none differs there is no rule.
     """
     difference = float(np.abs(finer - value).max())
-    wider = max(float(np.abs(c - value).max()) for c in coarser)
-    return max(difference, min(tolerance * float(np.abs(value).max()), wider))
+    for looser, other in coarser:
+        gap = float(np.abs(other - value).max())
+        if gap > 0.0:
+            return max(difference, min(tolerance * float(np.abs(value).max()), gap))
+        tolerance = looser
+    return difference
 
 
 def _delta(setup: Setup, theta_i: float, theta_o: float, phi: float) -> list[float] | None:

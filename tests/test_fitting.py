@@ -283,7 +283,7 @@ def test_random_draws_of_the_box_are_recovered(merl_directions):
     rng = np.random.default_rng(12)
     angles = cells(merl_directions, 2000, 9)
     missed = []
-    for _ in range(50):
+    for _ in range(100):
         truth = {
             "kd": rng.uniform(0.0, 1.0, 3).tolist(),
             "ior": float(rng.uniform(1.0, 2.5)),
@@ -296,7 +296,30 @@ def test_random_draws_of_the_box_are_recovered(merl_directions):
         right = abs(found["sigma"] / truth["sigma"] - 1.0) < 0.01 and abs(found["ior"] - truth["ior"]) < 0.01
         if not (right and np.allclose(found["kd"], truth["kd"], atol=0.01)):
             missed.append((truth, found))
-    assert len(missed) <= 1, missed
+    # what the README claims
+    assert len(missed) <= 2, missed
+
+
+def test_the_finest_rule_has_its_bias_measured(merl_directions, monkeypatch):
+    angles = cells(merl_directions, 1000, 10)
+    # so rough that the coarsest rule leaves a bias well above rounding
+    values = model_values("ilm", angles, rule=1e-4, block=1000, ndf="beckmann", **{**PAINT, "sigma": 0.8})
+    fitter = Fitter(parse("ilm", None, {"ndf": "beckmann"}), points(angles, values), Options(starts=4))
+    truth = fitter._fit(1e-4, None).x
+    monkeypatch.setattr(engine, "RULES", (1e-2,))
+    found = fitter.run()
+    # measured within 19 %: the bias is that at the biased answer
+    assert np.allclose(found.bias, found.x - truth, rtol=0.25, atol=0.0)
+    told = fit_points(fitter.total, points(angles, noisy(values, np.random.default_rng(2))), Options(starts=4))
+    assert told.solver["bias_in_standard_errors"] > engine.BIAS
+    assert any("finest quadrature rule still biases" in line for line in told.warnings)
+
+
+def test_closed_forms_have_no_rule_and_no_bias(merl_directions):
+    angles = cells(merl_directions, 500, 11)
+    fit = fit_points(parse("lambert", None, {}), points(angles, np.full((500, 3), 0.1)), Options())
+    assert fit.solver["rule"] is None
+    assert fit.solver["bias_in_standard_errors"] is None
 
 
 # ---------------------------------------------------------------- errors that can be believed

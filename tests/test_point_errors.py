@@ -13,11 +13,12 @@ def point(model, degrees, tolerance=1e-9, components=False, **parameters):
     return evaluate_point(resolve(model, **parameters), *angles, 0.0, tolerance=tolerance, components=components)
 
 
-def test_rules_that_agree_by_chance_state_the_tolerance():
-    """Rules at 1e-9 and 1e-11 have the same nodes here, and are 2.7e-10 off: 1.2751450610 against many more nodes."""
+@pytest.mark.parametrize("tolerance", [1e-9, 1e-11, 1e-12, 1e-14])
+def test_rules_that_agree_by_chance_state_what_looser_ones_support(tolerance):
+    """Rules from 1e-14 to 1e-8 have the same nodes here, and are 2.8e-10 off."""
     given = {"ndf": "beckmann", "alpha": 1.0, "material": "mirror", "max_bounces": 12}
-    found = point("vgroove-nonsym", (60.1875, 60.1957, 160.2965), **given)
-    assert 2.7e-10 < found["error"] < 1.1e-9
+    found = point("vgroove-nonsym", (60.1875, 60.1957, 160.2965), tolerance, **given)
+    assert 2.8e-10 < found["error"] < 2e-8
 
 
 @pytest.mark.parametrize("model", ["lambert", "smith", "cook-torrance"])

@@ -168,8 +168,9 @@ class Fitter:
                 # the finer rule went on from the best of all starts
                 outcome.tried, outcome.agreed, outcome.start_costs = before.tried, before.agreed, before.start_costs
                 outcome.steps += before.steps
-            if rule == rules[-1]:
+            if not self.integrates:
                 break
+            # at the finest rule, too: what it leaves is told
             outcome.bias = self._bias(outcome)
             errors = np.sqrt(np.diag(covariance(outcome, self.low, self.high)[0]))
             if (np.abs(outcome.bias) <= BIAS * np.where(errors > 0.0, errors, np.inf)).all():

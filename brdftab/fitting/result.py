@@ -56,7 +56,8 @@ class FitResult:
     starts : dict
         Tried, how many agreed with the best, and the cost each ended with.
     solver : dict
-        Method, verdict in words, steps, and the quadrature rule with its bias in standard errors.
+        Method, verdict in words, steps, and the quadrature rule with its measured bias in standard errors (both None of
+        closed forms, which have no rule).
     cost, bic : float
         Half the sum of squared residuals, and n ln(2 cost/n) + k ln n.
     times : dict

@@ -248,13 +248,13 @@ def fit_points(total: Sum, points: Dataset, options: Options) -> FitResult:
 
 
 def _solver(outcome: Outcome, options: Options, bias: Array, integrates: bool) -> dict[str, Any]:
-    """Return what the solver says of itself; the rule is that of models that integrate."""
+    """Return what the solver says of itself; closed forms have no rule and no bias by it."""
     return {
         "method": options.method,
         "verdict": outcome.verdict,
         "steps": outcome.steps,
         "rule": outcome.rule if integrates else None,
-        "bias_in_standard_errors": float(np.abs(bias).max()) if integrates else 0.0,
+        "bias_in_standard_errors": float(np.abs(bias).max()) if integrates else None,
         "standard_errors": "sandwich, clustered by direction",
     }
 
