@@ -293,8 +293,8 @@ def _between(energy: dict[str, Any]) -> str:
     held, albedo = max(energy["table"][row]), max(energy["albedo"][row])
     return (
         f"the cells of the row at theta_i = {energy['at_degrees']:.4g} degrees hold {held:.3g} of the light, the "
-        f"albedo is {albedo:.3g}: values at centres miss or overstate a lobe as narrow as a cell; take --cell average or a "
-        "finer grid"
+        f"albedo is {albedo:.3g}: values at centres miss or overstate a lobe as narrow as a cell; take --cell average "
+        "or a finer grid"
     )
 
 
