@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 MIRROR_NODES = (7, 11)
 # nodes common to all averaged cells, and the tolerance asked of those averaged again, over the table's, with three axes
 # and with four, where boxes leave far less than they seem to: asked for 1e-2, cells of 30 degrees leave 1e-5
-AVERAGE_RULES = ((3, {True: 0.5, False: 5.0}), (5, {True: 0.1, False: 0.5}))
+AVERAGE_RULES = ((3, {True: 1.0, False: 5.0}), (5, {True: 0.1, False: 0.5}))
 
 
 def singular_cells(setup: Setup, grid: Grid) -> NDArray[np.int64]:

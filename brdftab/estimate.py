@@ -24,8 +24,8 @@ MIRRORS = 2
 MIRROR_FINE = 8
 # averaged cells compared: regular ones, and those that see a narrow lobe; the reference asks for this share of the
 # tolerance, with more nodes a box than the table had, and at most so many points
-AVERAGED, LOBES, REFERENCE, MOST = 64, 24, 0.1, 1 << 23
-FINER = {True: 2, False: 1}
+AVERAGED, LOBES, REFERENCE = 64, 24, 0.1
+FINER, MOST = {True: 2, False: 1}, {True: 1 << 22, False: 1 << 23}
 # rows' energies beside albedos that are exact to this share of the tolerance
 ALBEDO = 0.25
 ENERGY = "largest difference of a row's energy to the albedo, over the largest channel, at rows from first to last"
@@ -130,7 +130,7 @@ def _averaged(
     engine = Engine(setup, max(REFERENCE * tolerance, 1e-13), fast=False)
     finer = NODES + FINER[grid.isotropic] * (1 if nodes <= NODES else 2)
     narrow = lobed[tuple(cells.T)]
-    reference, _ = cell_averages(engine, grid, cells, REFERENCE * tolerance, finer, narrow, MOST)
+    reference, _ = cell_averages(engine, grid, cells, REFERENCE * tolerance, finer, narrow, MOST[grid.isotropic])
     return cells, reference[:, 0], int(np.count_nonzero(narrow))
 
 

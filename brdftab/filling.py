@@ -16,9 +16,9 @@ from brdftab.lobe import unresolved
 Array = NDArray[np.float64]
 # cells are averaged again, by a rule that divides itself, where this many nodes and one less differ by more than so
 # many times the tolerance: the finer rule is off by a part of that
-DIFFERENCE = 3.0
+DIFFERENCE = 1.5
 # points for cells that are averaged again: so many a cell of the grid, but not fewer than a small grid may have
-POINTS, LEAST_POINTS = 64, 1 << 25
+POINTS, LEAST_POINTS = 64, {True: 1 << 23, False: 1 << 25}
 # share of the work that Gauss nodes common to all cells make up, for the bar that shows progress
 COMMON = 0.8
 
@@ -113,9 +113,10 @@ def fill_averages(
     lobed[tuple(singular.T)] = True
     again = lobed | (doubt > DIFFERENCE * tolerance)
     if _mirrored(engine, grid):
-        again, lobed = again & _lower(grid), lobed | _swapped(grid, lobed)
+        lobed |= _swapped(grid, lobed)
+        again = (again | _swapped(grid, again)) & _lower(grid)
     cells = np.argwhere(again)
-    most = max(LEAST_POINTS, POINTS * grid.size)
+    most = max(LEAST_POINTS[grid.isotropic], POINTS * grid.size)
     # where there are too many, those come first that hold the lobe, then those that the nodes leave the most of
     order = np.argsort(np.where(lobed, -np.inf, -doubt)[tuple(cells.T)], kind="stable")
     narrow = int(np.count_nonzero(lobed[tuple(cells.T)]))
@@ -123,8 +124,9 @@ def fill_averages(
     found, _ = cell_averages(engine, grid, cells, tolerance, lobed=lobed[tuple(cells.T)], most=most)
     total[(slice(None), *cells.T)] = found.transpose(1, 0, 2)
     if _mirrored(engine, grid):
-        other = cells[:, [1, 0, 2]] if grid.isotropic else cells[:, [2, 3, 0, 1]]
-        total[(slice(None), *other.T)] = found.transpose(1, 0, 2)
+        # weights are multiplied in another order on the other side, which rounds otherwise
+        other = total.transpose((0, 2, 1, 3, 4) if grid.isotropic else (0, 3, 4, 1, 2, 5))
+        total = np.where(_lower(grid)[None, ..., None], total, other)
     if progress is not None:
         progress(1.0)
     out[:] = total
