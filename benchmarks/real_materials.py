@@ -23,22 +23,22 @@ import brdftab
 
 # what is fitted: a sum, and what is held besides
 SETTINGS: dict[str, tuple[str, dict[str, Any]]] = {
-    "ilm": ("ilm", {}),
+    "ilm": ("ilm", {"ndf": "ggx"}),
     "ilm beckmann": ("ilm", {"ndf": "beckmann"}),
-    "ilm smith": ("ilm", {"masking": "smith"}),
-    "smith+lambert": ("smith+lambert", {}),
+    "ilm smith": ("ilm", {"ndf": "ggx", "masking": "smith"}),
+    "smith+lambert": ("smith+lambert", {"ndf": "ggx"}),
     "smith+lambert beckmann": ("smith+lambert", {"ndf": "beckmann"}),
-    "cook-torrance+lambert": ("cook-torrance+lambert", {}),
-    "vgroove-sym+lambert": ("vgroove-sym+lambert", {}),
-    "smith+oren-nayar": ("smith+oren-nayar", {}),
-    "cook-torrance+oren-nayar": ("cook-torrance+oren-nayar", {}),
-    "smith+ilm": ("smith+ilm", {}),
-    "cook-torrance+ilm": ("cook-torrance+ilm", {}),
-    "smith+smith+lambert": ("smith+smith+lambert", {}),
-    "smith+smith+lambert beckmann second": ("smith+smith+lambert", {"smith2.ndf": "beckmann"}),
-    "smith+cook-torrance+lambert": ("smith+cook-torrance+lambert", {}),
-    "smith+smith+oren-nayar": ("smith+smith+oren-nayar", {}),
-    "smith+smith+ilm": ("smith+smith+ilm", {}),
+    "cook-torrance+lambert": ("cook-torrance+lambert", {"ndf": "ggx"}),
+    "vgroove-sym+lambert": ("vgroove-sym+lambert", {"ndf": "ggx"}),
+    "smith+oren-nayar": ("smith+oren-nayar", {"ndf": "ggx"}),
+    "cook-torrance+oren-nayar": ("cook-torrance+oren-nayar", {"ndf": "ggx"}),
+    "smith+ilm": ("smith+ilm", {"ndf": "ggx"}),
+    "cook-torrance+ilm": ("cook-torrance+ilm", {"ndf": "ggx"}),
+    "smith+smith+lambert": ("smith+smith+lambert", {"ndf": "ggx"}),
+    "smith+smith+lambert beckmann second": ("smith+smith+lambert", {"smith.ndf": "ggx", "smith2.ndf": "beckmann"}),
+    "smith+cook-torrance+lambert": ("smith+cook-torrance+lambert", {"ndf": "ggx"}),
+    "smith+smith+oren-nayar": ("smith+smith+oren-nayar", {"ndf": "ggx"}),
+    "smith+smith+ilm": ("smith+smith+ilm", {"ndf": "ggx"}),
 }
 # fitted with the residual of libbsdf, too
 ALSO_L1P = ("smith+lambert", "ilm", "smith+smith+lambert")

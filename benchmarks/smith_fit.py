@@ -34,8 +34,8 @@ ALPHA, F0 = 0.6, (1.0, 0.77, 0.34)
 NOISE = 0.02
 MODELS = {
     "smith-multi": {},
-    "smith": {"smith.masking": "separable"},
-    "smith+lambert": {"smith.masking": "separable"},
+    "smith": {"smith.ndf": "ggx", "smith.masking": "separable"},
+    "smith+lambert": {"smith.ndf": "ggx", "smith.masking": "separable"},
 }
 
 

@@ -61,7 +61,8 @@ def truth(table, result):
 def test_every_model_finds_its_own_table_again(name):
     table = brdftab.tabulate(name, "10x10x12")
     result = brdftab.fit(table, name)
-    assert result.warnings == []
+    # data without noise have standard errors below what the finest rule of ilm leaves, which is told
+    assert [w for w in result.warnings if "quadrature rule" not in w] == []
     for found, true in truth(table, result).values():
         # the rules of the V-grooves err most, by the averages of the mirror cells: measured 1.6e-4
         np.testing.assert_allclose(found, true, rtol=5e-4)
