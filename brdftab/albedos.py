@@ -277,6 +277,8 @@ def _write_exr(table: AlbedoTable, text: str, path: Path) -> None:
     """Write the two parts of an EXR; the first layer is the one that viewers show."""
     import OpenEXR
 
+    from brdftab.io.names import utf8
+
     rows, columns = len(table.roughness), len(table.cosines)
     parts = []
     for part, layers in (("albedo", table.directional), ("average", {n: a[:, None] for n, a in table.average.items()})):
@@ -288,7 +290,7 @@ def _write_exr(table: AlbedoTable, text: str, path: Path) -> None:
         header = {"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION, "brdftab": text}
         header["displayWindow"] = (np.array([0, 0], np.int32), np.array([columns - 1, rows - 1], np.int32))
         parts.append(OpenEXR.Part(header, channels, part))
-    OpenEXR.File(parts).write(str(path))
+    OpenEXR.File(parts).write(utf8(path))
 
 
 def read_albedo(path: str | Path) -> AlbedoTable:

@@ -23,6 +23,8 @@ MIRROR_NODES = (7, 11)
 # nodes common to all averaged cells, and the tolerance asked of those averaged again, over the table's, with three axes
 # and with four, where boxes leave far less than they seem to: asked for 1e-2, cells of 30 degrees leave 1e-5
 AVERAGE_RULES = ((3, {True: 1.0, False: 5.0}), (5, {True: 0.1, False: 0.5}))
+# mirror cells whose nodes are held at once
+AT_ONCE = 16
 
 
 def singular_cells(setup: Setup, grid: Grid) -> NDArray[np.int64]:
@@ -90,9 +92,12 @@ class Run:
             asked = share[self.grid.isotropic] * self.engine.tolerance
             fill_averages(self.engine, self.grid, nodes, asked, self.cells, self.values, progress)
         else:
-            fill_grid(self.engine, self.grid, self.values, progress)
-            if len(self.cells):
-                self._store(mirror_average(self.engine, self.grid, self.cells, nodes))
+            # averages first: they take most of the time, and tell how much
+            mean, part = self._averages(nodes, progress)
+            rest = None if progress is None else (lambda done: progress(part + (1.0 - part) * done))
+            fill_grid(self.engine, self.grid, self.values, rest)
+            if mean is not None:
+                self._store(mean)
         self.kernel_time += clock.seconds
 
     def refine(self, worst: tuple[int, ...]) -> bool:
@@ -100,9 +105,26 @@ class Run:
         if self.grid.cell != "center" or worst not in {tuple(c) for c in self.cells.tolist()}:
             return False
         clock = Clock()
-        self._store(mirror_average(self.engine, self.grid, self.cells, MIRROR_NODES[1]))
+        mean, _ = self._averages(MIRROR_NODES[1], None)
+        assert mean is not None
+        self._store(mean)
         self.kernel_time += clock.seconds
         return True
+
+    def _averages(self, nodes: int, progress: Progress | None) -> tuple[Array | None, float]:
+        """Return the averages (K, P, C) of the mirror cells, None without any, and their share of all directions."""
+        if not len(self.cells):
+            return None, 0.0
+        others = self.grid.size // 2 if self.grid.square and not self.engine.is_fast else 0
+        before, found, share = self.engine.evaluated, [], 0.0
+        for start in range(0, len(self.cells), AT_ONCE):
+            found.append(mirror_average(self.engine, self.grid, self.cells[start : start + AT_ONCE], nodes))
+            done = min(start + AT_ONCE, len(self.cells))
+            each = max(self.engine.evaluated - before, 1) / done
+            share = each * len(self.cells) / (each * len(self.cells) + others)
+            if progress is not None:
+                progress(share * done / len(self.cells))
+        return np.concatenate(found), share
 
     def _store(self, mean: Array) -> None:
         """Write the averages of mirror cells; both halves of a square grid get the same number."""

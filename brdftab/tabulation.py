@@ -27,6 +27,7 @@ from brdftab.table import Table
 from brdftab.timing import Clock
 
 Array = NDArray[np.float64]
+DTYPES = ("float32", "float64")
 DEFAULT_GRID = "90x90x180"
 DEFAULT_ANISOTROPIC = "15x24x15x24"
 DEFAULT_BELOW = "45x45+45x90"
@@ -124,8 +125,8 @@ def tabulate(
     """
     clock = Clock()
     asked = check_tolerance(tolerance)
-    if str(dtype) not in ("float32", "float64"):
-        raise ParameterError(f"dtype = {dtype} is not known; choose float32 or float64")
+    if str(dtype) not in DTYPES:
+        raise ParameterError.not_known("dtype", dtype, DTYPES)
     setup = resolve(model, **parameters)
     layout = Grid.resolve(default_grid(setup) if grid is None else grid, cell)
     if layout.isotropic and not setup.isotropic:
@@ -174,7 +175,7 @@ def tabulate(
     if isinstance(run, Drawn):
         layers[LAYER] = run.standard_error
     table = Table(run.total, layout, setup.channels, layers, None, provenance, __version__)
-    # the albedo in the provenance compiles kernels, too
+    # the albedo above compiles kernels, too
     table.provenance |= {"compile_time_s": clock.compiling, "total_time_s": clock.seconds}
     return table
 
@@ -198,7 +199,7 @@ def retabulate(table: Table, threads: int | None = None) -> Table:
             f"provenance lacks {', '.join(missing)}; only tables that brdftab tabulated can be verified"
         )
     if made["model"] not in models.names():
-        raise ParameterError(f"model = {made['model']} is not known; choose one of {', '.join(models.names())}")
+        raise ParameterError.not_known("model", made["model"], models.names())
     return tabulate(
         made["model"],
         table.grid,

@@ -11,6 +11,7 @@ import click
 from brdftab.cli.forms import write_form
 from brdftab.cli.options import given_parameters, model_options, optional_model_options
 from brdftab.cli.progress import progress_bar
+from brdftab.cli.words import Choice
 
 if TYPE_CHECKING:
     from brdftab.table import Table
@@ -109,8 +110,8 @@ _AXIS = "start:stop:count or a,b,c [degrees]"
 @click.option(
     "--out", "outs", multiple=True, metavar="FILE", help="Output, .exr or .npz; may be repeated [default: MODEL.exr]."
 )
-@click.option("--cell", type=click.Choice(["center", "average", "point"]), help="What a cell holds [default: center].")
-@click.option("--dtype", type=click.Choice(["float32", "float64"]), help="Stored type [default: float32].")
+@click.option("--cell", type=Choice(["center", "average", "point"]), help="What a cell holds [default: center].")
+@click.option("--dtype", type=Choice(["float32", "float64"]), help="Stored type [default: float32].")
 @click.option("--tolerance", type=float, help="Relative error asked [default: 1e-3].")
 @_components
 @click.option(
@@ -123,7 +124,7 @@ _AXIS = "start:stop:count or a,b,c [degrees]"
 @click.option("--no-cache", is_flag=True, help="Neither take a scene's tables from the cache nor keep them there.")
 @click.option(
     "--form",
-    type=click.Choice(["native", "triplet", "dense", "blurred"]),
+    type=Choice(["native", "triplet", "dense", "blurred"]),
     help="What is written of a scratch: flux and cosines by bounce order for any material; the paper's texture; a 4-D "
     "table in the scratch's own angles (--grid TxP, default 16x32); or a table as of other models [default: native; "
     "blurred with a grid].",
@@ -152,6 +153,7 @@ def tabulate(
     from brdftab.errors import ParameterError
     from brdftab.io import check_output, write
     from brdftab.models.setup import resolve
+    from brdftab.timing import Clock
 
     if scene is not None:
         from brdftab.cli.scene import tabulate_scene
@@ -166,8 +168,6 @@ def tabulate(
     for name, asked in (("verify_plan", verify_plan), ("no_cache", no_cache)):
         if asked:
             raise ParameterError(f"{name} goes with --scene; leave it out")
-    from brdftab.timing import Clock
-
     clock = Clock()
     axes = {name: options.pop(name) for name in ("theta_i", "theta_o", "phi", "phi_i", "phi_o")}
     axes = {name: value for name, value in axes.items() if value is not None}
@@ -270,8 +270,8 @@ def _summary(table: Table, paths: tuple[str, ...], wall: float, as_json: bool) -
             )
         click.echo(f"error        {error['estimate']:.1e} estimated (95 % of cells below {error['p95']:.1e})")
         click.echo(
-            f"run time     {made['kernel_time_s']:.3f} s in kernels, {wall:.2f} s in all, "
-            f"{made['cells_per_s']:.3g} cells/s"
+            f"run time     {made['kernel_time_s']:.3f} s in kernels, {wall - made['compile_time_s']:.2f} s in all, "
+            f"{made['cells_per_s']:.3g} cells/s; {made['compile_time_s']:.2f} s more to compile or load kernels"
         )
         for path in paths:
             click.echo(f"wrote        {path}")

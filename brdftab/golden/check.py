@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import multiprocessing
 import os
-import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
@@ -25,6 +24,7 @@ from brdftab.io.atomic import check_target
 from brdftab.models.setup import resolve
 from brdftab.table import Table
 from brdftab.tabulation import retabulate
+from brdftab.timing import Clock
 
 # path, model or entry of tables.toml, figure, whether a figure may be replaced
 _Task = tuple[Path, Any, Path | None, bool]
@@ -141,9 +141,9 @@ def check_golden(
 def _in_turn(tasks: Sequence[_Task]) -> Iterator[Checked]:
     """Check one file after the other."""
     for task in tasks:
-        started = time.perf_counter()
+        clock = Clock()
         result = _one(*task)
-        result.seconds = time.perf_counter() - started
+        result.seconds = clock.seconds
         yield result
 
 

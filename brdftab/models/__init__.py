@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from types import ModuleType
 from typing import Any
 
-from brdftab.errors import ParameterError
+from brdftab.errors import ParameterError, proposal
 
 PIECES = "microfacet"
 
@@ -116,8 +116,11 @@ class Model:
         for p in self.params:
             if p.name == name:
                 return p
-        known = ", ".join(p.name for p in self.params)
-        raise ParameterError(f"{name} is not a parameter of {self.name}; it takes {known}")
+        known = [p.name for p in self.params]
+        near = proposal(name, known)
+        raise ParameterError(
+            f"{name} is not a parameter of {self.name}; {near}{'I' if near else 'i'}t takes {', '.join(known)}"
+        )
 
 
 def _folders() -> dict[str, str]:
@@ -139,7 +142,7 @@ def names() -> list[str]:
 def _module(name: str, part: str) -> ModuleType:
     folders = _folders()
     if name not in folders:
-        raise ParameterError(f"model = {name} is not known; choose one of {', '.join(folders)}")
+        raise ParameterError.not_known("model", name, folders)
     return importlib.import_module(f"{__name__}.{folders[name]}{part}")
 
 

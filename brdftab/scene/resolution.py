@@ -169,7 +169,7 @@ def pace(engine: Engine, grid: Grid, dtype: str) -> float:
     once(f"fill of {engine.setup.model.name}, {len(grid.shape)} axes", lambda: slab(engine, grid, few, dtype))
     clock = Clock()
     values = slab(engine, grid, some, dtype)
-    return (clock.seconds) / values[..., 0].size
+    return clock.seconds / values[..., 0].size
 
 
 def largest_error(engine: Engine, table: Table, plan: Plan, seed: int) -> float:

@@ -138,7 +138,7 @@ def layer_map(
     """
     size = check_size(size)
     if method not in METHODS:
-        raise ParameterError(f"method = {method} is not known; choose one of {', '.join(METHODS)}")
+        raise ParameterError.not_known("method", method, METHODS)
     if samples is not None and not 1 <= samples <= 64:
         raise ParameterError.out_of_range("samples", samples, "[1, 64]", "points along a side of a texel")
     if layer.area <= 0.0 or layer.area >= 1.0:
