@@ -51,10 +51,12 @@ def test_a_coarse_grazing_cell_holds_its_lobe(alpha, expected):
         assert table.values[11, 11, 23] == pytest.approx(found, rel=1e-4)
 
 
-@pytest.mark.parametrize("grid", ["12x12x24", "45x45x90"])
-def test_rows_of_a_lossless_surface_hold_all_light(grid):
-    # measured 6e-6 on the finer grid, 1.3e-5 on the coarse one
-    table = brdftab.tabulate("kulla-conty", grid, cell="average", dtype="float64", alpha=0.004, **MIRROR)
+@pytest.mark.parametrize(("grid", "tolerance"), [("12x12x24", 1e-4), ("45x45x90", 1e-3)])
+def test_rows_of_a_lossless_surface_hold_all_light(grid, tolerance):
+    # measured 2.5e-5 on the finer grid, 1.3e-5 on the coarse one, whose last row is off by 3e-4 where 1e-3 is asked
+    table = brdftab.tabulate(
+        "kulla-conty", grid, cell="average", dtype="float64", alpha=0.004, tolerance=tolerance, **MIRROR
+    )
     assert np.abs(table_energy(table.grid, table.values) - 1.0).max() < 2e-4
     assert table.provenance["error"]["met"]
     assert table.provenance["error"]["row_energy"]["largest"] < 2e-4
