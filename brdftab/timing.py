@@ -7,6 +7,7 @@ import gc
 import sys
 import threading
 import time
+from collections import deque
 
 
 class _Compiling(threading.local):
@@ -16,8 +17,15 @@ class _Compiling(threading.local):
         self.depth = 0
         self.since = 0.0
         self.seconds = 0.0
-        # start and length of what JAX told last, without what lies inside
-        self.told: list[tuple[float, float]] = []
+        # start and length of what was counted last, without what lies inside
+        self.told: deque[tuple[float, float]] = deque(maxlen=1000)
+
+    def count(self, start: float, seconds: float) -> None:
+        """Count an interval that ends now, and what was told of its parts no more."""
+        while self.told and self.told[-1][0] >= start:
+            self.seconds -= self.told.pop()[1]
+        self.told.append((start, seconds))
+        self.seconds += seconds
 
 
 _compiling = _Compiling()
@@ -53,7 +61,7 @@ def _collecting(phase: str, what: dict[str, int]) -> None:
     if phase == "start":
         _compiling.since = time.perf_counter()
     else:
-        _compiling.seconds += time.perf_counter() - _compiling.since
+        _compiling.count(_compiling.since, time.perf_counter() - _compiling.since)
 
 
 @functools.cache
@@ -64,12 +72,8 @@ def _listen_to_jax() -> None:
     def told(event: str, duration_secs: float, **_: str | int) -> None:
         if not event.startswith("/jax/core/compile/") or _compiling.depth:
             return
-        start = time.perf_counter() - duration_secs
-        # functions traced inside another one were told first
-        while _compiling.told and _compiling.told[-1][0] >= start:
-            _compiling.seconds -= _compiling.told.pop()[1]
-        _compiling.told.append((start, duration_secs))
-        _compiling.seconds += duration_secs
+        # functions traced inside another one were told first, and so were collections meanwhile
+        _compiling.count(time.perf_counter() - duration_secs, duration_secs)
 
     monitoring.register_event_duration_secs_listener(told)
 
