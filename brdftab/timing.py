@@ -67,7 +67,8 @@ def _collecting(phase: str, what: dict[str, int]) -> None:
 @functools.cache
 def _listen_to_jax() -> None:
     """Let JAX report its tracing, lowering and compiling."""
-    from jax import monitoring
+    # only fits and twins import JAX; who has not compiles nothing with it
+    monitoring = sys.modules["jax"].monitoring
 
     def told(event: str, duration_secs: float, **_: str | int) -> None:
         if not event.startswith("/jax/core/compile/") or _compiling.depth:

@@ -103,7 +103,7 @@ def test_every_public_function_is_called_and_every_class_seen(objects, each):
     returned = " ".join(str(inspect.signature(public[name]).return_annotation) for name in functions)
     # Any is typing's own, Measurement the base of those seen
     assert set(re.findall(r"[A-Z]\w+", returned)) - {"Any", "Measurement", "Array", "None"} <= seen
-    for kind in Measurement.__subclasses__():
+    for kind in (k for k in Measurement.__subclasses__() if k.__module__.startswith("brdftab.")):
         assert kind.__name__ in seen
 
 
