@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from brdftab import models
 from brdftab._version import __version__
+from brdftab.content import SeveralArrays, listed, same_fields, told
 from brdftab.engine import Engine, Progress
 from brdftab.errors import BrdftabError, FileFormatError, ParameterError
 from brdftab.evaluation import check_tolerance, is_stochastic
@@ -41,9 +42,11 @@ MEANINGS = {
 AVERAGE_NODES, FEW_NODES, LOOSE = 20, 8, 3e-4
 
 
-@dataclass(frozen=True)
-class AlbedoTable:
+@dataclass(frozen=True, repr=False, eq=False)
+class AlbedoTable(SeveralArrays):
     """Albedo of a model over roughness and cosine.
+
+    Equal (``==``) where all but the provenance is, as a `Table`; without a hash.
 
     Attributes
     ----------
@@ -71,6 +74,24 @@ class AlbedoTable:
     average: dict[str, Array]
     provenance: dict[str, Any]
     fixed: str = "light"
+
+    _arrays = "directional['reflected'], average['reflected'] and so on"
+
+    def __eq__(self, other: object) -> bool:
+        return same_fields(self, other, ("cosines", "roughness", "channels", "directional", "average", "fixed"))
+
+    __hash__ = None  # type: ignore[assignment]  # its arrays can change
+
+    def __repr__(self) -> str:
+        made = self.provenance
+        return told(
+            self,
+            str(made.get("model", "")),
+            f"{made.get('roughness_parameter', 'roughness')} {self.roughness.size} x cosine of the {self.fixed} "
+            f"{self.cosines.size}",
+            f"layers {listed(self.directional)}",
+            f"channels {listed(self.channels)}",
+        )
 
     def metadata(self) -> dict[str, Any]:
         """Return everything but the arrays of albedos as a JSON-able dict."""

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from brdftab import axes as axis
 from brdftab.axes import SAME, TWO_PI, Array
+from brdftab.content import SeveralArrays, told
 from brdftab.errors import GridError, proposal
 
 CELLS = ("center", "average", "point")
@@ -22,7 +23,7 @@ ANISOTROPIC = ("theta_i", "phi_i", "theta_o", "phi_o")
 
 
 @dataclass(frozen=True, eq=False)
-class Grid:
+class Grid(SeveralArrays):
     """Axes of a table, in radians, with the edges of their cells.
 
     Attributes
@@ -57,6 +58,8 @@ class Grid:
     phi_edges: Array | None = None
     phi_i_edges: Array | None = None
     phi_o_edges: Array | None = None
+
+    _arrays = "axes['theta_i'], edges['theta_i'] and so on"
 
     def __post_init__(self) -> None:
         if self.cell not in CELLS:
@@ -139,7 +142,7 @@ class Grid:
 
     def __repr__(self) -> str:
         sizes = " x ".join(f"{name} {array.size}" for name, array in self.axes.items())
-        return f"Grid({sizes}, cell={self.cell!r})"
+        return told(self, sizes, f"cell={self.cell!r}")
 
     @classmethod
     def parse(cls, text: str, cell: str = DEFAULT_CELL) -> Grid:

@@ -13,14 +13,16 @@ from numpy.typing import DTypeLike, NDArray
 
 from brdftab import memory, models
 from brdftab._version import __version__
-from brdftab.attempts import until_met
+from brdftab.attempts import Run, until_met
+from brdftab.energy import energies
 from brdftab.engine import Progress
 from brdftab.errors import GridError, ParameterError
+from brdftab.estimate import Estimate
 from brdftab.evaluation import ORDERS, check_tolerance, is_stochastic
 from brdftab.grid import Grid
 from brdftab.models.setup import Setup, component_names, resolve
 from brdftab.provenance import machine, physics, verdict
-from brdftab.stochastic import LAYER, Drawn, draw
+from brdftab.stochastic import LAYER, Drawn, Spread, draw
 from brdftab.table import Table
 from brdftab.timing import Clock
 
@@ -54,6 +56,15 @@ def _check_memory(grid: Grid, channels: int, dtype: DTypeLike, layers: int) -> N
             f"grid = {'x'.join(map(str, grid.shape))} needs {needed / 2**30:.3g} GiB, outside the "
             f"{there / 2**30:.3g} GiB that this machine offers; ask for a coarser grid, float32 or no components"
         )
+
+
+def _energy(run: Run | Drawn, judged: Estimate | Spread, tolerance: float) -> dict[str, Any] | None:
+    """Return the light that rows of a table hold beside their albedo; None of points, of estimates with noise."""
+    if isinstance(judged, Spread):
+        return None
+    if run.grid.cell != "center" or run.engine.layers > 1:
+        return judged.energy
+    return energies(run.setup, run.grid, run.total, tolerance, run.engine)
 
 
 def default_grid(setup: Setup) -> str:
@@ -152,6 +163,7 @@ def tabulate(
             "averaged_cells": len(run.cells) if layout.cell != "average" else layout.size,
             "method": run.method,
             **physics(setup, run.engine, asked, layout),
+            "energy": _energy(run, judged, asked),
             "kernel_time_s": run.kernel_time,
             "compile_time_s": clock.compiling,
             "total_time_s": 0.0,

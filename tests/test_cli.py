@@ -23,8 +23,8 @@ from brdftab.cli import main
 SMALL = ("--grid", "3x3x4")
 FACTS = [
     "model", "parameters", "shape", "axes", "cell", "dtype", "channels", "components", "albedo", "error",
-    "delta", "energy_left_out", "kernel_time_s", "compile_time_s", "total_time_s", "wall_time_s", "cells_per_s",
-    "files",
+    "delta", "energy", "energy_left_out", "kernel_time_s", "compile_time_s", "total_time_s", "wall_time_s",
+    "cells_per_s", "files",
 ]  # fmt: skip
 
 

@@ -165,7 +165,7 @@ def test_albedo_alone_needs_no_table_of_directions():
     right = brdftab.albedo("smith", lights, alpha=0.5)
     assert np.abs(interpolate_albedo(table, lights) - right).max() <= plan.albedo_error <= 1e-2
     assert verify(one, table)["holds"]
-    with pytest.raises(BrdftabError, match="layer = transmitted is not in the table"):
+    with pytest.raises(BrdftabError, match="layer = transmitted is not known; choose one of reflected"):
         interpolate_albedo(table, lights, layer="transmitted")
 
 

@@ -315,7 +315,7 @@ def test_all_channels_move_together_by_default():
 
 
 def test_model_without_a_twin_is_named(monkeypatch):
-    monkeypatch.setattr(models, "_has_twin", lambda folder: folder == "smith")
+    monkeypatch.setattr(models, "_has", lambda folder, part: folder == "smith")
     with pytest.raises(ParameterError, match=r"lambert has no twin in JAX; choose one of smith$"):
         models.twin("lambert")
     with pytest.raises(ParameterError, match="model = nonsense is not known"):

@@ -49,6 +49,30 @@ def test_names_that_the_locale_lacks(tmp_path, name):
     assert os.listdir(tmp_path) == [name]
 
 
+def test_every_reader_takes_names_that_the_locale_lacks(tmp_path):
+    """What reads a table, a folder of golden files or a list of materials opens it, and says its name."""
+    environment = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    table, folder, scene = (str(tmp_path / name) for name in ("é ü.npz", "golden ü", "scène.toml"))
+    os.mkdir(folder)
+    with open(scene, "w", encoding="utf-8") as file:
+        file.write('[[material]]\nname = "u"\nmodel = "lambert"\ngrid = "2x2x2"\n')
+    runs = [
+        ["tabulate", "--model", "lambert", "--grid", "6x6x8", "--out", table],
+        ["tabulate", "--model", "lambert", "--grid", "2x2x2", "--out", os.path.join(folder, "lambert.npz")],
+        ["compare", table, table],
+        ["verify", table],
+        ["fit", table, "--model", "lambert", "--out", str(tmp_path / "ü.json")],
+        ["golden", "check", folder],
+        ["plan", scene],
+    ]
+    for words in runs:
+        done = subprocess.run([*BRDFTAB, *words], capture_output=True, env=environment)
+        told = (done.stdout + done.stderr).decode("utf-8", "replace")
+        assert "Traceback" not in told, words
+        assert "damaged" not in told, words
+        assert done.returncode == 0 or words[0] == "golden", told
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="names of any bytes")
 def test_names_that_are_no_text(tmp_path):
     path = os.fsencode(tmp_path) + b"/\xfc.npz"

@@ -235,7 +235,7 @@ def _show(result: FitResult) -> None:
         f"{starts['agreed']} of {starts['tried']} starts agree"
     )
     click.echo(
-        f"time         {times['total']:.3g} s: compile {times['compile']:.3g}, starts {times['starts']:.3g}, "
+        f"time         {times['total']:.3g} s, and {times['compile']:.3g} to compile: starts {times['starts']:.3g}, "
         f"first stage {times['first_stage']:.3g}, polish {times['polish']:.3g}"
     )
     for line in result.warnings:

@@ -86,6 +86,9 @@ def evaluate(
     )
 
 
+# rows of centres that are further from the albedo than this are told
+BETWEEN = 0.1
+
 _AXIS = "start:stop:count or a,b,c [degrees]"
 
 
@@ -226,6 +229,7 @@ def _summary(table: Table, paths: tuple[str, ...], wall: float, as_json: bool) -
             "albedo": albedo,
             "error": error,
             "delta": made["delta"],
+            "energy": made["energy"],
             "energy_left_out": made["energy_left_out"],
             "kernel_time_s": made["kernel_time_s"],
             "compile_time_s": made["compile_time_s"],
@@ -259,6 +263,11 @@ def _summary(table: Table, paths: tuple[str, ...], wall: float, as_json: bool) -
         if made["energy_left_out"]:
             for angle, values in zip(albedo["theta_i_degrees"], made["energy_left_out"]["values"], strict=True):
                 click.echo(f"left out {angle:>2g}  " + "  ".join(f"{v:.2e}" for v in values))
+        if made["energy"]:
+            click.echo(
+                f"energy       rows hold their albedo within {made['energy']['largest']:.1e}, worst at theta_i = "
+                f"{made['energy']['at_degrees']:.4g}"
+            )
         click.echo(f"error        {error['estimate']:.1e} estimated (95 % of cells below {error['p95']:.1e})")
         click.echo(
             f"run time     {made['kernel_time_s']:.3f} s in kernels, {wall - made['compile_time_s']:.2f} s in all, "
@@ -268,12 +277,25 @@ def _summary(table: Table, paths: tuple[str, ...], wall: float, as_json: bool) -
             click.echo(f"wrote        {path}")
     if made["compile_time_s"] > 0.5:
         click.echo(f"brdftab: compiled for {made['compile_time_s']:.1f} s, which no run time counts", err=True)
+    if table.grid.cell == "center" and made["energy"] and made["energy"]["largest"] > BETWEEN:
+        click.echo(f"Warning: {_between(made['energy'])}", err=True)
     if not error["met"]:
         click.echo(
             f"Warning: the estimated error {error['estimate']:.1e} exceeds tolerance {error['tolerance']:g}: "
             f"{error['reason']}",
             err=True,
         )
+
+
+def _between(energy: dict[str, Any]) -> str:
+    """Say that a lobe falls between the cells' centres, or on them, at the row where it tells most."""
+    row = energy["theta_i_degrees"].index(energy["at_degrees"])
+    held, albedo = max(energy["table"][row]), max(energy["albedo"][row])
+    return (
+        f"the cells of the row at theta_i = {energy['at_degrees']:.4g} degrees hold {held:.3g} of the light, the "
+        f"albedo is {albedo:.3g}: values at centres miss or overstate a lobe as narrow as a cell; take --cell average "
+        "or a finer grid"
+    )
 
 
 def _short(value: Any) -> str:

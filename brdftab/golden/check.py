@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from brdftab.comparison import compare, tolerances
+from brdftab.content import told
 from brdftab.engine import Progress
 from brdftab.errors import BrdftabError, ParameterError
 from brdftab.golden.differences import Differences, compare_points
@@ -31,7 +32,7 @@ _Task = tuple[Path, Any, Path | None, bool]
 EQUAL, DIFFERS, MISSING, BROKEN = "equal", "differs", "missing", "error"
 
 
-@dataclass
+@dataclass(repr=False)
 class Checked:
     """How one golden file compares.
 
@@ -59,6 +60,10 @@ class Checked:
     message: str = ""
     figure: str | None = None
     seconds: float = 0.0
+
+    def __repr__(self) -> str:
+        found = f"{self.found.differing:,} of {self.found.total:,} numbers differ"
+        return told(self, self.file, self.status, self.message or found)
 
     def to_json(self) -> dict[str, Any]:
         """Return it as a JSON-able dict."""

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.attempts import fill_grid
 from brdftab.axes import TWO_PI
 from brdftab.engine import Engine
 from brdftab.evaluation import has_mirror_averages
+from brdftab.filling import fill_grid
 from brdftab.grid import Grid
 from brdftab.scene.angles import part
 from brdftab.scene.knots import choose, largest, to_log

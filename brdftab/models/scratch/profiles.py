@@ -50,6 +50,9 @@ class Profile:
     symmetric: bool
     depth: float
 
+    def __repr__(self) -> str:
+        return f"Profile({self.text}, {self.height.size} parabolas, {self.depth:.6g} half widths deep)"
+
     def at(self, x: Array) -> tuple[Array, Array]:
         """Return heights and slopes at positions x in [-1, 1]."""
         x = np.asarray(x, dtype=np.float64)
