@@ -26,6 +26,8 @@ Block = Callable[[int, States, States], Array]
 # bytes of matrices held at a time, and the most that any tolerance may take
 CHUNK, MOST = 1 << 28, 1 << 33
 SWEEPS = 60
+# orders up to this one are always summed: those that have a name as components, and one that stands for the rest
+NAMED = 10
 
 
 @dataclass(frozen=True)
@@ -257,7 +259,7 @@ def multiple(
         now = np.maximum(*(np.abs(rows).max(axis=(0, 2), initial=0.0) for rows in (upper, lower)))
         size = np.maximum(size, now)
         # each light by itself, whatever others do
-        ended = now <= end * size
+        ended = (now <= end * size) & (k >= NAMED)
         if ended.all() or k > SWEEPS or k + 1 > most:
             break
         upper, lower = sweep(matrices, weights, upper * ~ended[:, None], lower * ~ended[:, None])
