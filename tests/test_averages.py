@@ -139,8 +139,8 @@ def test_a_table_that_misses_its_lobe_is_told():
     engine, none = Engine(setup, 1e-3), np.empty((0, 3), dtype=np.int64)
     values = np.empty((1, *grid.shape, 1))
     fill_averages(engine, grid, 3, 1e-3, none, values, None)
-    # the last row, where masking sets in within .2 degrees, is off by 1e-2
-    assert estimate(setup, grid, values[0], none, 1e-3, 3).largest < 2e-2
+    # measured 3e-4, in the last row, where masking sets in within .2 degrees
+    assert estimate(setup, grid, values[0], none, 1e-3, 3).largest < 1e-3
     lost = values[0].copy()
     lost[tuple(np.argwhere(unresolved(setup, grid)).T)] = 0.0
     judged = estimate(setup, grid, lost, none, 1e-3, 3)
