@@ -198,6 +198,10 @@ def retabulate(table: Table, threads: int | None = None) -> Table:
         raise ParameterError(
             f"provenance lacks {', '.join(missing)}; only tables that brdftab tabulated can be verified"
         )
+    if "fit" in made and made["model"] not in models.names():
+        raise ParameterError(
+            f"model = {made['model']} is a sum that a fit predicted; verify repeats tables of one model: fit again"
+        )
     if made["model"] not in models.names():
         raise ParameterError.not_known("model", made["model"], models.names())
     return tabulate(
