@@ -66,6 +66,7 @@ def _joined(parts: list[Estimates]) -> Estimates:
     return Estimates(
         np.concatenate([p.values for p in parts], axis=-1),
         np.concatenate([p.standard_error for p in parts], axis=-1),
+        np.concatenate([p.component_errors for p in parts], axis=-1),
         np.max([p.samples for p in parts], axis=0),
     )
 
