@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from brdftab import models
 from brdftab._version import __version__
+from brdftab.content import SeveralArrays, listed, same_fields, told
 from brdftab.engine import Engine, Progress
 from brdftab.errors import BrdftabError, FileFormatError, ParameterError
 from brdftab.evaluation import check_tolerance, is_stochastic
@@ -41,9 +42,11 @@ MEANINGS = {
 AVERAGE_NODES, FEW_NODES, LOOSE = 20, 8, 3e-4
 
 
-@dataclass(frozen=True)
-class AlbedoTable:
+@dataclass(frozen=True, repr=False, eq=False)
+class AlbedoTable(SeveralArrays):
     """Albedo of a model over roughness and cosine.
+
+    Equal (``==``) where all but the provenance is, as a `Table`; without a hash.
 
     Attributes
     ----------
@@ -71,6 +74,24 @@ class AlbedoTable:
     average: dict[str, Array]
     provenance: dict[str, Any]
     fixed: str = "light"
+
+    _arrays = "directional['reflected'], average['reflected'] and so on"
+
+    def __eq__(self, other: object) -> bool:
+        return same_fields(self, other, ("cosines", "roughness", "channels", "directional", "average", "fixed"))
+
+    __hash__ = None  # type: ignore[assignment]  # its arrays can change
+
+    def __repr__(self) -> str:
+        made = self.provenance
+        return told(
+            self,
+            str(made.get("model", "")),
+            f"{made.get('roughness_parameter', 'roughness')} {self.roughness.size} x cosine of the {self.fixed} "
+            f"{self.cosines.size}",
+            f"layers {listed(self.directional)}",
+            f"channels {listed(self.channels)}",
+        )
 
     def metadata(self) -> dict[str, Any]:
         """Return everything but the arrays of albedos as a JSON-able dict."""
@@ -277,6 +298,8 @@ def _write_exr(table: AlbedoTable, text: str, path: Path) -> None:
     """Write the two parts of an EXR; the first layer is the one that viewers show."""
     import OpenEXR
 
+    from brdftab.io.names import utf8
+
     rows, columns = len(table.roughness), len(table.cosines)
     parts = []
     for part, layers in (("albedo", table.directional), ("average", {n: a[:, None] for n, a in table.average.items()})):
@@ -288,7 +311,7 @@ def _write_exr(table: AlbedoTable, text: str, path: Path) -> None:
         header = {"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION, "brdftab": text}
         header["displayWindow"] = (np.array([0, 0], np.int32), np.array([columns - 1, rows - 1], np.int32))
         parts.append(OpenEXR.Part(header, channels, part))
-    OpenEXR.File(parts).write(str(path))
+    OpenEXR.File(parts).write(utf8(path))
 
 
 def read_albedo(path: str | Path) -> AlbedoTable:

@@ -8,18 +8,23 @@ import math
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from brdftab.cells import axis_nodes, mirror_average
+from brdftab.cells import mirror_average
 from brdftab.engine import Engine, Progress
 from brdftab.errors import SingularDirectionError
 from brdftab.estimate import Estimate, estimate
 from brdftab.evaluation import has_mirror_averages, singular
+from brdftab.filling import fill_averages, fill_grid
 from brdftab.grid import Grid
 from brdftab.models.setup import Setup
 from brdftab.timing import Clock
 
 Array = NDArray[np.float64]
 MIRROR_NODES = (7, 11)
-AVERAGE_NODES = (3, 5, 8)
+# nodes common to all averaged cells, and the tolerance asked of those averaged again, over the table's, with three axes
+# and with four, where boxes leave far less than they seem to: asked for 1e-2, cells of 30 degrees leave 1e-5
+AVERAGE_RULES = ((3, {True: 1.0, False: 5.0}), (5, {True: 0.1, False: 0.5}))
+# mirror cells whose nodes are held at once
+AT_ONCE = 16
 
 
 def singular_cells(setup: Setup, grid: Grid) -> NDArray[np.int64]:
@@ -55,49 +60,6 @@ def singular_cells(setup: Setup, grid: Grid) -> NDArray[np.int64]:
     return none
 
 
-def fill_grid(engine: Engine, grid: Grid, out: NDArray[np.floating], progress: Progress | None) -> None:
-    """Fill out (P, *grid, C) with the values at the grid's positions."""
-    _fill_at(engine, grid, [grid.axes[name] for name in grid.axis_names], out, progress)
-
-
-def _fill_at(
-    engine: Engine, grid: Grid, axes: list[Array], out: NDArray[np.floating], progress: Progress | None
-) -> None:
-    if grid.isotropic:
-        engine.fill(axes[0], axes[1], axes[2], out, progress)
-        return
-    incoming = np.stack(np.meshgrid(axes[0], axes[1], indexing="ij"), -1).reshape(-1, 2)
-    outgoing = np.stack(np.meshgrid(axes[2], axes[3], indexing="ij"), -1).reshape(-1, 2)
-    flat = out.reshape(out.shape[0], len(incoming), len(outgoing), out.shape[-1])
-    engine.fill_azimuths(incoming, outgoing, flat, progress)
-
-
-def _fill_averages(
-    engine: Engine, grid: Grid, nodes: int, out: NDArray[np.floating], progress: Progress | None
-) -> None:
-    """Fill out (P, *grid, C) with cell averages by Gauss nodes along every axis, exactly reciprocal on square grids."""
-    rules = [axis_nodes(grid.edges[name], nodes, name.startswith("theta")) for name in grid.axis_names]
-    total = np.zeros(out.shape)
-    part = np.empty(out.shape)
-    picks = list(itertools.product(range(nodes), repeat=len(rules)))
-    square = grid.square and engine.setup.model.reciprocal
-    half = len(rules) // 2 if not grid.isotropic else 1
-    swapped = (0, 2, 1, 3, 4) if grid.isotropic else (0, 3, 4, 1, 2, 5)
-    for number, pick in enumerate(picks):
-        incoming, outgoing = pick[:half], pick[half : 2 * half]
-        if square and outgoing < incoming:
-            continue
-        _fill_at(engine, grid, [rule[0][p] for rule, p in zip(rules, pick, strict=True)], part, None)
-        for axis, (rule, p) in enumerate(zip(rules, pick, strict=True)):
-            part *= np.expand_dims(rule[1][p], tuple(k for k in range(part.ndim) if k != axis + 1))
-        total += part
-        if square and outgoing > incoming:
-            total += part.transpose(swapped)
-        if progress is not None:
-            progress((number + 1) / len(picks))
-    out[:] = total
-
-
 class Run:
     """One attempt at one tolerance: engine, values, cost.
 
@@ -117,7 +79,6 @@ class Run:
     ) -> None:
         self.setup, self.grid, self.orders = setup, grid, orders
         self.cells = singular_cells(averaged or setup, grid)
-        self.nodes = 0
         clock = Clock()
         self.engine = engine or Engine(setup, tolerance, orders, fast)
         self.kernel_time = clock.seconds
@@ -127,15 +88,16 @@ class Run:
         """Fill the table; nodes is the number of Gauss nodes along each coordinate of an averaged cell."""
         clock = Clock()
         if self.grid.cell == "average":
-            self.nodes = nodes
-            _fill_averages(self.engine, self.grid, nodes, self.values, progress)
+            share = next((share for least, share in AVERAGE_RULES if nodes <= least), AVERAGE_RULES[-1][1])
+            asked = share[self.grid.isotropic] * self.engine.tolerance
+            fill_averages(self.engine, self.grid, nodes, asked, self.cells, self.values, progress)
         else:
-            fill_grid(self.engine, self.grid, self.values, progress)
-        if len(self.cells):
-            mean = mirror_average(
-                self.engine, self.grid, self.cells, nodes if self.grid.cell == "center" else MIRROR_NODES[0]
-            )
-            self._store(mean)
+            # averages first: they take most of the time, and tell how much
+            mean, part = self._averages(nodes, progress)
+            rest = None if progress is None else (lambda done: progress(part + (1.0 - part) * done))
+            fill_grid(self.engine, self.grid, self.values, rest)
+            if mean is not None:
+                self._store(mean)
         self.kernel_time += clock.seconds
 
     def refine(self, worst: tuple[int, ...]) -> bool:
@@ -143,9 +105,26 @@ class Run:
         if self.grid.cell != "center" or worst not in {tuple(c) for c in self.cells.tolist()}:
             return False
         clock = Clock()
-        self._store(mirror_average(self.engine, self.grid, self.cells, MIRROR_NODES[1]))
+        mean, _ = self._averages(MIRROR_NODES[1], None)
+        assert mean is not None
+        self._store(mean)
         self.kernel_time += clock.seconds
         return True
+
+    def _averages(self, nodes: int, progress: Progress | None) -> tuple[Array | None, float]:
+        """Return the averages (K, P, C) of the mirror cells, None without any, and their share of all directions."""
+        if not len(self.cells):
+            return None, 0.0
+        others = self.grid.size // 2 if self.grid.square and not self.engine.is_fast else 0
+        before, found, share = self.engine.evaluated, [], 0.0
+        for start in range(0, len(self.cells), AT_ONCE):
+            found.append(mirror_average(self.engine, self.grid, self.cells[start : start + AT_ONCE], nodes))
+            done = min(start + AT_ONCE, len(self.cells))
+            each = max(self.engine.evaluated - before, 1) / done
+            share = each * len(self.cells) / (each * len(self.cells) + others)
+            if progress is not None:
+                progress(share * done / len(self.cells))
+        return np.concatenate(found), share
 
     def _store(self, mean: Array) -> None:
         """Write the averages of mirror cells; both halves of a square grid get the same number."""
@@ -173,7 +152,7 @@ class Run:
 def _attempts(setup: Setup, grid: Grid, tolerance: float, orders: int) -> list[tuple[float, bool, int]]:
     """Return (tolerance, fast, nodes) of the runs to try until the estimate holds."""
     if grid.cell == "average":
-        return [(tolerance, True, nodes) for nodes in AVERAGE_NODES]
+        return [(tolerance, True, nodes) for nodes, _ in AVERAGE_RULES]
     return [
         (tolerance, True, MIRROR_NODES[0]),
         (tolerance, False, MIRROR_NODES[0]),

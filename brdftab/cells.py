@@ -21,6 +21,8 @@ from brdftab.grid import Grid
 Array = NDArray[np.float64]
 # beyond this polar angle (radians) the half vector turns fast inside a cell, which takes more nodes
 GRAZING = 1.48
+# values below this (1/sr) are compared absolutely: nothing reflects there
+FLOOR = 1e-9
 
 
 @lru_cache

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.axes import SAME
+from brdftab.content import told
 from brdftab.errors import GridError, ParameterError
 from brdftab.table import Table
 
@@ -21,7 +22,7 @@ RTOL = {"float32": 1e-5, "float64": 1e-9}
 ATOL_PART = 1e-12
 
 
-@dataclass
+@dataclass(repr=False)
 class Comparison:
     """How far two tables agree.
 
@@ -70,6 +71,16 @@ class Comparison:
     mask_differs: int = 0
     not_finite: int = 0
     components: dict[str, int] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return told(
+            self,
+            f"{'equal' if self.equal else 'differ'}: {self.differing:,} of {self.total:,} cells differ",
+            f"max_rel = {self.max_rel:.3g}",
+            f"max_abs = {self.max_abs:.3g}",
+            f"rtol = {self.rtol:g}",
+            f"atol = {self.atol:g}",
+        )
 
     @property
     def equal(self) -> bool:

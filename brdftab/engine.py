@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from brdftab import models
 from brdftab.models.setup import Setup, component_names
+from brdftab.pace import Pace
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
-BLOCK = 1 << 15
 
 
 class Prepared(Protocol):
@@ -55,6 +55,9 @@ class Engine:
         self._module = models.kernel(setup.model.name)
         prepare = getattr(self._module, "prepare", None)
         self._prepared: Prepared | None = None
+        self._pace = Pace(steady=getattr(self._module, "JOINT", False))
+        # pairs of directions evaluated one by one so far
+        self.evaluated = 0
         self._layered = bool(getattr(self._module, "LAYERED", False))
         if fast and prepare is not None and setup.isotropic and (orders == 0 or self._layered):
             more = (orders,) if self._layered else ()
@@ -66,7 +69,20 @@ class Engine:
         return self._prepared is not None
 
     def points(self, theta_i: Array, theta_o: Array, phi: Array, phi_i: Array) -> Array:
-        """Return (N, P, C) in 1/sr at N pairs of directions, 1-D arrays in radians."""
+        """Return (N, P, C) in 1/sr at N pairs of directions, 1-D arrays in radians.
+
+        They are evaluated in blocks of less than half a second.
+        """
+        angles, parts, count = (theta_i, theta_o, phi, phi_i), [], len(theta_i)
+        for block in self._pace.blocks(count):
+            parts.append(self._points(*(a[block] for a in angles)))
+            self.evaluated += block.stop - block.start
+        if not parts:
+            return self._points(*angles)
+        return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+    def _points(self, theta_i: Array, theta_o: Array, phi: Array, phi_i: Array) -> Array:
+        """Evaluate one block."""
         if self._prepared is not None:
             return self._prepared.points(theta_i, theta_o, phi, phi_i)
         return self._module.points(
@@ -83,8 +99,9 @@ class Engine:
             return
         rows, columns, steps = theta_i.size, theta_o.size, phi.size
         first, second = np.tril_indices(rows) if square else np.divmod(np.arange(rows * columns), columns)
-        size = max(1, BLOCK // steps)
-        for start in range(0, first.size, size):
+        start = 0
+        while start < first.size:
+            size = max(1, self._pace.size // steps)
             i, o = first[start : start + size], second[start : start + size]
             shape = (i.size, steps)
             angles = (np.broadcast_to(a, shape).reshape(-1) for a in (theta_i[i, None], theta_o[o, None], phi))
@@ -96,6 +113,7 @@ class Engine:
                 out[:, o, i] = values
             if progress is not None:
                 progress(min(1.0, (start + size) / first.size))
+            start += size
 
     def fill_azimuths(
         self, incoming: Array, outgoing: Array, out: NDArray[np.floating], progress: Progress | None = None
@@ -106,8 +124,9 @@ class Engine:
         """
         square = self.setup.model.reciprocal and bool(np.array_equal(incoming, outgoing))
         rows, columns = len(incoming), len(outgoing)
-        size = max(1, BLOCK // columns)
-        for start in range(0, rows, size):
+        start = 0
+        while start < rows:
+            size = max(1, self._pace.size // columns)
             a = np.arange(start, min(start + size, rows))
             i, o = np.meshgrid(a, np.arange(a[-1] + 1 if square else columns), indexing="ij")
             kept = o <= i if square else np.ones(i.shape, dtype=bool)
@@ -119,4 +138,6 @@ class Engine:
             if square:
                 out[:, o, i] = values
             if progress is not None:
-                progress((a[-1] + 1.0) / rows)
+                # of half a square, row n has n columns
+                progress(((a[-1] + 1.0) / rows) ** (2 if square else 1))
+            start += size

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from brdftab import axes as axis
 from brdftab.axes import SAME, TWO_PI, Array
-from brdftab.errors import GridError
+from brdftab.content import SeveralArrays, told
+from brdftab.errors import GridError, proposal
 
 CELLS = ("center", "average", "point")
 DEFAULT_CELL = "center"
@@ -22,7 +23,7 @@ ANISOTROPIC = ("theta_i", "phi_i", "theta_o", "phi_o")
 
 
 @dataclass(frozen=True, eq=False)
-class Grid:
+class Grid(SeveralArrays):
     """Axes of a table, in radians, with the edges of their cells.
 
     Attributes
@@ -58,9 +59,11 @@ class Grid:
     phi_i_edges: Array | None = None
     phi_o_edges: Array | None = None
 
+    _arrays = "axes['theta_i'], edges['theta_i'] and so on"
+
     def __post_init__(self) -> None:
         if self.cell not in CELLS:
-            raise GridError(f"cell = {self.cell!r} is not one of {', '.join(CELLS)}")
+            raise GridError.not_known("cell", repr(self.cell), CELLS)
         if (self.phi is None) == (self.phi_i is None and self.phi_o is None) or (
             (self.phi_i is None) != (self.phi_o is None)
         ):
@@ -139,7 +142,7 @@ class Grid:
 
     def __repr__(self) -> str:
         sizes = " x ".join(f"{name} {array.size}" for name, array in self.axes.items())
-        return f"Grid({sizes}, cell={self.cell!r})"
+        return told(self, sizes, f"cell={self.cell!r}")
 
     @classmethod
     def parse(cls, text: str, cell: str = DEFAULT_CELL) -> Grid:
@@ -180,7 +183,7 @@ class Grid:
             raise GridError(f"grid = {axis.short(text)} asks for a negative count; give 0 or more on each side")
         axis.check_size([sum(half) for half in counts])
         if cell not in CELLS:
-            raise GridError(f"cell = {cell!r} is not one of {', '.join(CELLS)}")
+            raise GridError.not_known("cell", repr(cell), CELLS)
         given: dict[str, Any] = {}
         for name, half in zip(names, counts, strict=True):
             given |= axis.regular(name, half[0], cell, *half[1:])
@@ -249,7 +252,8 @@ class Grid:
             unknown = [str(key) for key in obj if key not in (*axis.TOP, "cell")]
             if unknown or "theta_i" not in obj:
                 wrong = f"has the unknown key {axis.short(unknown[0])}" if unknown else "lacks theta_i"
-                raise GridError(f"grid {wrong}; valid keys: {', '.join(axis.TOP)}, cell")
+                near = proposal(unknown[0], (*axis.TOP, "cell")) if unknown else ""
+                raise GridError(f"grid {wrong}; {near}valid keys: {', '.join(axis.TOP)}, cell")
             own = obj.get("cell")
             if own is None or cell is None or own == cell:
                 return cls.from_axes(**{**obj, "cell": own or cell or DEFAULT_CELL})

@@ -12,6 +12,7 @@ import numba
 
 # Contraction and reciprocals only: reassociation would undo the cancellation-free sums near the mirror direction.
 _FAST = {"contract", "arcp", "nsz"}
+# all kernels let go of the interpreter while they run (nogil), so that another thread can answer Ctrl-C meanwhile
 
 
 # modules and folders that kernels are made from: those that hold a kernel, and all that these import from
@@ -55,9 +56,9 @@ def has_compiled(part: str) -> bool:
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a scalar kernel: bare floats in, bare floats out."""
-    return numba.njit(cache=True, error_model="numpy", fastmath=_FAST)(function)
+    return numba.njit(cache=True, error_model="numpy", fastmath=_FAST, nogil=True)(function)
 
 
 def parallel_kernel(function: Callable[..., Any]) -> Any:
     """Compile a kernel that loops over cells on all threads."""
-    return numba.njit(cache=True, error_model="numpy", fastmath=_FAST, parallel=True)(function)
+    return numba.njit(cache=True, error_model="numpy", fastmath=_FAST, parallel=True, nogil=True)(function)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from brdftab.axes import HALF_PI
+from brdftab.content import SeveralArrays, listed, told
 from brdftab.directions import relative_azimuth
 from brdftab.errors import ParameterError
 from brdftab.table import Table
@@ -28,8 +29,8 @@ _ON = 1e-9
 Bracket = tuple[NDArray[np.int64], NDArray[np.int64], Array]
 
 
-@dataclass(frozen=True, eq=False)
-class Cells:
+@dataclass(frozen=True, eq=False, repr=False)
+class Cells(SeveralArrays):
     """A list of measured directions and values.
 
     Attributes
@@ -53,9 +54,21 @@ class Cells:
     valid: Mask
     below_horizon: int = 0
 
+    _arrays = "theta_i, theta_o, phi, values, valid"
 
-class Measurement(ABC):
-    """Base of measured data.
+    def __repr__(self) -> str:
+        share = 100.0 * float(self.valid.mean()) if self.valid.size else 0.0
+        return told(
+            self,
+            f"{self.theta_i.size:,} directions",
+            f"{self.values.shape[-1]} channels",
+            f"{share:.2f} % valid",
+            f"{self.below_horizon:,} more below the horizon",
+        )
+
+
+class Measurement(SeveralArrays, ABC):
+    """Base of measured data; a measurement is equal (``==``) to itself alone.
 
     Attributes
     ----------
@@ -71,6 +84,11 @@ class Measurement(ABC):
     channels: tuple[str, ...]
     provenance: dict[str, Any]
     reciprocal: bool = False
+    _arrays = "cells().values, cells().theta_i and so on, or what at(theta_i, theta_o, phi) returns"
+
+    def __repr__(self) -> str:
+        facts = [str(self.provenance.get(key) or "") for key in ("format", "model", "file", "grid")]
+        return told(self, *facts, f"channels {listed(self.channels)}")
 
     @abstractmethod
     def cells(self) -> Cells:

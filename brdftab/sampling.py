@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from brdftab import delta, models
+from brdftab.content import SeveralArrays, same_fields, told
 from brdftab.errors import ParameterError, SingularDirectionError
 from brdftab.evaluation import singular
 from brdftab.models.microfacet.sampling import PDF_TOLERANCE
@@ -19,8 +20,8 @@ from brdftab.models.setup import Setup, resolve
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Samples:
+@dataclass(frozen=True, repr=False, eq=False)
+class Samples(SeveralArrays):
     """Outgoing directions drawn for one direction of light.
 
     Attributes
@@ -53,6 +54,17 @@ class Samples:
     pdf: Array
     delta: NDArray[np.bool_]
     mass: float = 0.0
+
+    _arrays = "theta_o, phi_o, weight, valid, pdf, delta"
+
+    def __eq__(self, other: object) -> bool:
+        return same_fields(self, other, self.__dataclass_fields__)
+
+    __hash__ = None  # type: ignore[assignment]  # its arrays can change
+
+    def __repr__(self) -> str:
+        drawn = f"{self.theta_o.size:,} directions, {int(self.valid.sum()):,} of them valid"
+        return told(self, drawn, f"{self.weight.shape[-1]} channels", f"mass = {self.mass:.3g}")
 
 
 def _check_angles(name: str, value: Array, low: float, high: float, valid: str) -> None:

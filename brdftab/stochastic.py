@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from brdftab import models
+from brdftab.cells import FLOOR
 from brdftab.engine import Engine, Progress
 from brdftab.errors import ParameterError
-from brdftab.estimate import FLOOR
 from brdftab.grid import Grid
 from brdftab.models.setup import Setup
 from brdftab.timing import Clock

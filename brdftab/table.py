@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab._version import __version__
+from brdftab.content import listed, same_fields, told
 from brdftab.errors import FileFormatError, GridError, ParameterError
 from brdftab.grid import Grid
 from brdftab.layout import Layout
@@ -38,9 +39,12 @@ _BELOW = (
 )
 
 
-@dataclass
+@dataclass(repr=False, eq=False)
 class Table:
-    """Values of a BRDF over a grid.
+    """Values of a BRDF over a grid; NumPy takes it as the array of its values.
+
+    Tables are equal (``==``) where values, grid, channels, components and mask are: NaN equals NaN, and what made them
+    and how long it took does not count. Like arrays they can change, so that they have no hash.
 
     Attributes
     ----------
@@ -86,6 +90,29 @@ class Table:
         if self.mask is not None:
             self.mask = _array("mask", self.mask, shape, ("bool",))
         self.provenance = _plain(self.provenance)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        """Return `values`, a view of them unless `dtype` or `copy` asks for more; the mask is left out."""
+        return np.array(self.values, dtype=dtype, copy=copy)
+
+    def __eq__(self, other: object) -> bool:
+        return same_fields(self, other, ("values", "grid", "channels", "components", "mask"))
+
+    __hash__ = None  # type: ignore[assignment]  # its content can change
+
+    def __repr__(self) -> str:
+        error = self.provenance.get("error")
+        return told(
+            self,
+            str(self.provenance.get("model", "")),
+            " x ".join(f"{name} {axis.size}" for name, axis in self.grid.axes.items()),
+            f"channels {listed(self.channels)}",
+            f"{self.dtype.name} in 1/sr",
+            f"cell = {self.grid.cell}",
+            f"components {listed(self.components)}" if self.components else "",
+            "" if self.mask is None else f"{int((~self.mask).sum()):,} numbers masked out",
+            f"error {error['estimate']:.1e}" if isinstance(error, dict) and _is_number(error.get("estimate")) else "",
+        )
 
     @property
     def theta_i(self) -> NDArray[np.float64]:
@@ -284,6 +311,11 @@ def _array(name: str, array: NDArray[Any], shape: tuple[int, ...], dtypes: tuple
     if array.shape != shape:
         raise ParameterError(f"{name} has the shape {array.shape}; the grid and channels need {shape}")
     return array
+
+
+def _is_number(value: object) -> bool:
+    """Tell whether a value of a file's provenance can be shown as a number."""
+    return isinstance(value, int | float)
 
 
 def _plain(provenance: Mapping[str, Any]) -> dict[str, Any]:

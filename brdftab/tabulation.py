@@ -13,18 +13,21 @@ from numpy.typing import DTypeLike, NDArray
 
 from brdftab import memory, models
 from brdftab._version import __version__
-from brdftab.attempts import until_met
+from brdftab.attempts import Run, until_met
+from brdftab.energy import energies
 from brdftab.engine import Progress
 from brdftab.errors import GridError, ParameterError
+from brdftab.estimate import Estimate
 from brdftab.evaluation import ORDERS, check_tolerance, is_stochastic
 from brdftab.grid import Grid
 from brdftab.models.setup import Setup, component_names, resolve
 from brdftab.provenance import machine, physics, verdict
-from brdftab.stochastic import LAYER, Drawn, draw
+from brdftab.stochastic import LAYER, Drawn, Spread, draw
 from brdftab.table import Table
 from brdftab.timing import Clock
 
 Array = NDArray[np.float64]
+DTYPES = ("float32", "float64")
 DEFAULT_GRID = "90x90x180"
 DEFAULT_ANISOTROPIC = "15x24x15x24"
 DEFAULT_BELOW = "45x45+45x90"
@@ -53,6 +56,15 @@ def _check_memory(grid: Grid, channels: int, dtype: DTypeLike, layers: int) -> N
             f"grid = {'x'.join(map(str, grid.shape))} needs {needed / 2**30:.3g} GiB, outside the "
             f"{there / 2**30:.3g} GiB that this machine offers; ask for a coarser grid, float32 or no components"
         )
+
+
+def _energy(run: Run | Drawn, judged: Estimate | Spread, tolerance: float) -> dict[str, Any] | None:
+    """Return the light that rows of a table hold beside their albedo; None of points, of estimates with noise."""
+    if isinstance(judged, Spread):
+        return None
+    if run.grid.cell != "center" or run.engine.layers > 1:
+        return judged.energy
+    return energies(run.setup, run.grid, run.total, tolerance, run.engine)
 
 
 def default_grid(setup: Setup) -> str:
@@ -113,8 +125,8 @@ def tabulate(
     """
     clock = Clock()
     asked = check_tolerance(tolerance)
-    if str(dtype) not in ("float32", "float64"):
-        raise ParameterError(f"dtype = {dtype} is not known; choose float32 or float64")
+    if str(dtype) not in DTYPES:
+        raise ParameterError.not_known("dtype", dtype, DTYPES)
     setup = resolve(model, **parameters)
     layout = Grid.resolve(default_grid(setup) if grid is None else grid, cell)
     if layout.isotropic and not setup.isotropic:
@@ -151,6 +163,7 @@ def tabulate(
             "averaged_cells": len(run.cells) if layout.cell != "average" else layout.size,
             "method": run.method,
             **physics(setup, run.engine, asked, layout),
+            "energy": _energy(run, judged, asked),
             "kernel_time_s": run.kernel_time,
             "compile_time_s": clock.compiling,
             "total_time_s": 0.0,
@@ -162,7 +175,7 @@ def tabulate(
     if isinstance(run, Drawn):
         layers[LAYER] = run.standard_error
     table = Table(run.total, layout, setup.channels, layers, None, provenance, __version__)
-    # the albedo in the provenance compiles kernels, too
+    # the albedo above compiles kernels, too
     table.provenance |= {"compile_time_s": clock.compiling, "total_time_s": clock.seconds}
     return table
 
@@ -186,7 +199,7 @@ def retabulate(table: Table, threads: int | None = None) -> Table:
             f"provenance lacks {', '.join(missing)}; only tables that brdftab tabulated can be verified"
         )
     if made["model"] not in models.names():
-        raise ParameterError(f"model = {made['model']} is not known; choose one of {', '.join(models.names())}")
+        raise ParameterError.not_known("model", made["model"], models.names())
     return tabulate(
         made["model"],
         table.grid,

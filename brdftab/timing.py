@@ -1,19 +1,23 @@
-"""Run time without compilation: a clock that stands still while Numba compiles, or loads what it compiled before."""
+"""Run time without compilation: a clock that stands still while Numba or JAX compile, or load what they compiled."""
 
 from __future__ import annotations
 
 import functools
+import gc
+import sys
 import threading
 import time
 
 
 class _Compiling(threading.local):
-    """Seconds that one thread has spent under Numba's compiler lock, and how deep it is in there now."""
+    """Seconds that one thread has spent compiling, and how deep it is under Numba's compiler lock now."""
 
     def __init__(self) -> None:
         self.depth = 0
         self.since = 0.0
         self.seconds = 0.0
+        # start and length of what JAX told last, without what lies inside
+        self.told: list[tuple[float, float]] = []
 
 
 _compiling = _Compiling()
@@ -39,6 +43,35 @@ def _listen() -> None:
                 _compiling.seconds += time.perf_counter() - _compiling.since
 
     event.register("numba:compiler_lock", Listener())
+    gc.callbacks.append(_collecting)
+
+
+def _collecting(phase: str, what: dict[str, int]) -> None:
+    """Count full garbage collections as compiling: a compiler leaves some hundred thousand objects to look through."""
+    if what["generation"] < 2 or _compiling.depth:
+        return
+    if phase == "start":
+        _compiling.since = time.perf_counter()
+    else:
+        _compiling.seconds += time.perf_counter() - _compiling.since
+
+
+@functools.cache
+def _listen_to_jax() -> None:
+    """Let JAX report its tracing, lowering and compiling."""
+    from jax import monitoring
+
+    def told(event: str, duration_secs: float, **_: str | int) -> None:
+        if not event.startswith("/jax/core/compile/") or _compiling.depth:
+            return
+        start = time.perf_counter() - duration_secs
+        # functions traced inside another one were told first
+        while _compiling.told and _compiling.told[-1][0] >= start:
+            _compiling.seconds -= _compiling.told.pop()[1]
+        _compiling.told.append((start, duration_secs))
+        _compiling.seconds += duration_secs
+
+    monitoring.register_event_duration_secs_listener(told)
 
 
 def _compile_seconds() -> float:
@@ -55,6 +88,8 @@ class Clock:
 
     def __init__(self) -> None:
         _listen()
+        if "jax" in sys.modules:
+            _listen_to_jax()
         self._started = time.perf_counter()
         self._before = _compile_seconds()
 

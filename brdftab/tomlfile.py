@@ -6,7 +6,7 @@ import os
 import tomllib
 from typing import Any
 
-from brdftab.errors import BrdftabError, FileFormatError, ParameterError
+from brdftab.errors import BrdftabError, FileFormatError, ParameterError, proposal
 from brdftab.io.atomic import show
 from brdftab.models.setup import Setup, resolve
 
@@ -43,8 +43,10 @@ class Entry:
         self.table = dict(table)
         for key in self.table:
             if known is not None and key not in known:
+                near = proposal(key, known)
                 raise ParameterError(
-                    f"{self.head}: {key} = {self.table[key]!r} is no key; known are {', '.join(known)}"
+                    f"{self.head}: {key} = {self.table[key]!r} is no key; {near}{'K' if near else 'k'}nown are "
+                    f"{', '.join(known)}"
                 )
 
     def number(

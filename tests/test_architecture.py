@@ -17,7 +17,7 @@ LONGEST = 400
 # rank of every lower part; a module may import its own rank and below. What is not named here is work on top of them.
 RANKS = {
     "errors": 0, "_version": 0, "jit": 0, "memory": 0,
-    "directions": 1, "axes": 1,
+    "content": 1, "directions": 1, "axes": 1,
     "materials": 2, "grid": 2, "layout": 2, "table": 2, "measurement": 2, "io": 2, "models": 2,
 }  # fmt: skip
 WORK, CLI = 3, 4

@@ -24,6 +24,23 @@ def test_the_clock_stands_still_while_numba_compiles():
     assert clock.compiling == before
 
 
+def test_the_clock_stands_still_while_jax_compiles():
+    import jax
+
+    @jax.jit
+    def inner(x):
+        return jax.numpy.sort(x).sum()
+
+    clock = Clock()
+    slow = jax.jit(lambda x: inner(x) + inner(2.0 * x))
+    slow(np.ones(3)).block_until_ready()
+    # what is traced inside another function counts once
+    assert 0.5 * clock.wall < clock.compiling < clock.wall
+    before = clock.compiling
+    slow(np.ones(3)).block_until_ready()
+    assert clock.compiling == before
+
+
 def test_kernel_time_is_without_compilation(tmp_path):
     """A process that compiles everything states the times of one that finds all compiled."""
     code = (

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.estimate import FLOOR, cell_angles
+from brdftab.cells import FLOOR
+from brdftab.estimate import cell_angles
 from brdftab.grid import Grid
 
 Array = NDArray[np.float64]

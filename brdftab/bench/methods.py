@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab import models
-from brdftab.attempts import fill_grid
 from brdftab.bench.measures import all_angles
 from brdftab.engine import Engine
 from brdftab.errors import ParameterError
 from brdftab.evaluation import is_stochastic
+from brdftab.filling import fill_grid
 from brdftab.grid import Grid
 from brdftab.models.setup import Setup, resolve
 

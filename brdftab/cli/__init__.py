@@ -10,6 +10,8 @@ from typing import Any
 import click
 
 from brdftab._version import __version__
+from brdftab.cli.interrupt import ABORTED, answered
+from brdftab.cli.words import Group
 from brdftab.errors import BrdftabError
 
 _COMMANDS = {
@@ -30,7 +32,7 @@ _COMMANDS = {
 }
 
 
-class _Group(click.Group):
+class _Group(Group):
     """Loads a command's module when it is named, and turns expected errors into one line and exit status 2."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -44,14 +46,23 @@ class _Group(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; bad input ends in one line on stderr."""
+        # names of files need not be text of this terminal's
+        for stream in (sys.stdout, sys.stderr):
+            if getattr(stream, "errors", None) == "strict" and hasattr(stream, "reconfigure"):
+                stream.reconfigure(errors="backslashreplace")
         try:
-            return super().invoke(ctx)
+            with answered():
+                return super().invoke(ctx)
+        except KeyboardInterrupt:
+            click.echo("Aborted", err=True)
+            ctx.exit(ABORTED)
         except click.exceptions.NoArgsIsHelpError:
             raise
         except click.UsageError as error:
             path = error.ctx.command_path if error.ctx else ctx.command_path
             message = " ".join(error.format_message().split()).rstrip(".")
-            click.echo(f"Error: {message}. See {path} --help.", err=True)
+            end = "" if message.endswith("?") else "."
+            click.echo(f"Error: {message}{end} See {path} --help.", err=True)
             ctx.exit(2)
         except BrdftabError as error:
             message = " ".join(str(error).split())

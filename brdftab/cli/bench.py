@@ -11,6 +11,7 @@ import click
 
 from brdftab.cli.options import given_parameters, model_options
 from brdftab.cli.progress import progress_bar
+from brdftab.cli.words import Choice
 
 _CHANGED = 1
 
@@ -35,7 +36,7 @@ def _one_of_many(command: Callable[..., Any]) -> Callable[..., Any]:
 @click.option("--all", "everything", is_flag=True, help="Every model of the registry with its defaults.")
 @click.option("--list", "list_file", metavar="TOML", help="Every [[bench]] of a file: model and its parameters.")
 @click.option("--compare", nargs=2, metavar="OLD NEW", help="Compare two JSON files; status 1 if slower or worse.")
-@click.option("--suite", type=click.Choice(["papers"]), help="Measure what the papers state, as a Markdown page.")
+@click.option("--suite", type=Choice(["papers"]), help="Measure what the papers state, as a Markdown page.")
 @click.option("--grid", metavar="IxOxP", help="Cells that every method fills, three axes or four [default: 16x16x32].")
 @click.option("--quick", is_flag=True, help="Few cells, rungs and repeats; says little about time.")
 @click.option("--repeats", type=int, help="Most timed calls of a method [default: 25].")
@@ -45,14 +46,14 @@ def _one_of_many(command: Callable[..., Any]) -> Callable[..., Any]:
 @click.option("--no-peers", "alone", is_flag=True, help="Leave out other programs (Mitsuba 3, SciPy).")
 @click.option(
     "--error",
-    type=click.Choice(["l1", "l2", "max", "albedo"]),
+    type=Choice(["l1", "l2", "max", "albedo"]),
     default="l1",
     help="Error of the figure and of the marks [default: l1].",
 )
 @click.option(
     "--time",
     "clock",
-    type=click.Choice(["kernel", "total"]),
+    type=Choice(["kernel", "total"]),
     default="kernel",
     help="Run time of the figure and of the marks: kernel, or end to end [default: kernel].",
 )

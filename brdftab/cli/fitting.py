@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from brdftab.cli.options import declared, model_options
+from brdftab.cli.words import Choice
 
 if TYPE_CHECKING:
     from brdftab.fitting.result import FitResult
@@ -34,18 +35,18 @@ ORIGIN = {"user": "", "file": " (from the file)", "default": " (default)"}
 )
 @click.option("--start", "begin", multiple=True, metavar="NAME=VALUE", help="Start value of a free parameter.")
 @click.option("--theta-max", type=float, default=75.0, help="Largest polar angle [degrees; default: 75].")
-@click.option("--loss", type=click.Choice(LOSSES), default="log", help="What residuals compare [default: log].")
+@click.option("--loss", type=Choice(LOSSES), default="log", help="What residuals compare [default: log].")
 @click.option("--robust", metavar="SCALE", help="Soft-L1 with this scale of the residual, or auto.")
 @click.option(
     "--sampling",
-    type=click.Choice(["uniform", "solid-angle", "grid"]),
+    type=Choice(["uniform", "solid-angle", "grid"]),
     default="uniform",
     help="Directions uniform in the angles, with views uniform over the solid angle, or all cells [default: uniform].",
 )
 @click.option("--samples", type=int, default=20000, help="Directions to draw [default: 20000].")
 @click.option("--saturation", type=float, help="Value from which on data are clipped [1/sr].")
 @click.option("--noise-floor", type=float, default=0.0, help="Value below which noise is additive [1/sr; default: 0].")
-@click.option("--solver", type=click.Choice(SOLVERS), default=SOLVERS[0], help=f"Solver [default: {SOLVERS[0]}].")
+@click.option("--solver", type=Choice(SOLVERS), default=SOLVERS[0], help=f"Solver [default: {SOLVERS[0]}].")
 @click.option("--starts", type=int, default=8, help="Starts to try [default: 8].")
 @click.option("--seed", type=int, default=0, help="Seed of directions and starts [default: 0].")
 @click.option("--out", type=click.Path(), metavar="FILE", help="Write the result as JSON.")
@@ -135,7 +136,7 @@ def _fixed(model: str, options: dict[str, Any], listed: list[str]) -> dict[str, 
 
     Where several models are ranked, each takes what it knows.
     """
-    from brdftab.errors import ParameterError
+    from brdftab.errors import ParameterError, proposal
     from brdftab.fitting.terms import term_labels
     from brdftab.models import names, spec
 
@@ -146,8 +147,10 @@ def _fixed(model: str, options: dict[str, Any], listed: list[str]) -> dict[str, 
         if value is None or name not in declared():
             continue
         if name not in known:
+            near = proposal(name, known)
             raise ParameterError(
-                f"{name} is not a parameter of {', '.join(listed)}; they take {', '.join(sorted(known))}"
+                f"{name} is not a parameter of {', '.join(listed)}; {near}{'T' if near else 't'}hey take "
+                f"{', '.join(sorted(known))}"
             )
         if isinstance(value, list) and len(value) == 1:
             value = value[0]
@@ -232,7 +235,7 @@ def _show(result: FitResult) -> None:
         f"{starts['agreed']} of {starts['tried']} starts agree"
     )
     click.echo(
-        f"time         {times['total']:.3g} s: compile {times['compile']:.3g}, starts {times['starts']:.3g}, "
+        f"time         {times['total']:.3g} s, and {times['compile']:.3g} to compile: starts {times['starts']:.3g}, "
         f"first stage {times['first_stage']:.3g}, polish {times['polish']:.3g}"
     )
     for line in result.warnings:

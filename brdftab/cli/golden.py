@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from brdftab.cli.progress import progress_bar
+from brdftab.cli.words import Group
 
 if TYPE_CHECKING:
     from brdftab.golden.check import Checked
@@ -18,7 +19,7 @@ _only = click.option(
 _json = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 
 
-@click.group(epilog="\b\nExample:\n  brdftab golden check tests/golden --only 'lambert*'")
+@click.group(cls=Group, epilog="\b\nExample:\n  brdftab golden check tests/golden --only 'lambert*'")
 def golden() -> None:
     """Record small tables of every model, and check that the numbers still hold."""
 

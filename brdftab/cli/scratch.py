@@ -9,16 +9,19 @@ from typing import Any
 import click
 
 from brdftab.cli.progress import progress_bar
+from brdftab.cli.words import Group
+from brdftab.timing import Clock
 
 _json = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 _overwrite = click.option("--overwrite", is_flag=True, help="Replace an existing output.")
 
 
 @click.group(
+    cls=Group,
     epilog="\b\nExamples:\n"
     "  brdftab scratch profile quartic:1 --out profile.png\n"
     "  brdftab scratch maps layers.toml --size 1024 --out maps.exr\n"
-    "  brdftab scratch picture --out picture.png"
+    "  brdftab scratch picture --out picture.png",
 )
 def scratch() -> None:
     """Scratched materials: profiles, layers in a TOML file, their maps, values and pictures."""
@@ -220,8 +223,6 @@ def picture(
     spheres = None if layers is None else [Sphere(read(layers), projection, tiles)]
     if not has_compiled("cones"):
         click.echo("brdftab: compiling kernels: the first picture takes up to a minute longer", err=True)
-    from brdftab.timing import Clock
-
     clock = Clock()
     with progress_bar("drawing") as report:
         pixels = render(

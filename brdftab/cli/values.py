@@ -11,6 +11,7 @@ import click
 from brdftab.cli.forms import write_form
 from brdftab.cli.options import given_parameters, model_options, optional_model_options
 from brdftab.cli.progress import progress_bar
+from brdftab.cli.words import Choice
 
 if TYPE_CHECKING:
     from brdftab.table import Table
@@ -96,6 +97,9 @@ def _spectrum(made: dict[str, Any] | None) -> str:
     return f"{len(made['wavelengths_nm'])} wavelengths, error {made['error_against_5nm']:.0e} against 5 nm steps"
 
 
+# rows of centres that are further from the albedo than this are told
+BETWEEN = 0.1
+
 _AXIS = "start:stop:count or a,b,c [degrees]"
 
 
@@ -117,8 +121,8 @@ _AXIS = "start:stop:count or a,b,c [degrees]"
 @click.option(
     "--out", "outs", multiple=True, metavar="FILE", help="Output, .exr or .npz; may be repeated [default: MODEL.exr]."
 )
-@click.option("--cell", type=click.Choice(["center", "average", "point"]), help="What a cell holds [default: center].")
-@click.option("--dtype", type=click.Choice(["float32", "float64"]), help="Stored type [default: float32].")
+@click.option("--cell", type=Choice(["center", "average", "point"]), help="What a cell holds [default: center].")
+@click.option("--dtype", type=Choice(["float32", "float64"]), help="Stored type [default: float32].")
 @click.option("--tolerance", type=float, help="Relative error asked [default: 1e-3].")
 @_components
 @click.option(
@@ -131,7 +135,7 @@ _AXIS = "start:stop:count or a,b,c [degrees]"
 @click.option("--no-cache", is_flag=True, help="Neither take a scene's tables from the cache nor keep them there.")
 @click.option(
     "--form",
-    type=click.Choice(["native", "triplet", "dense", "blurred"]),
+    type=Choice(["native", "triplet", "dense", "blurred"]),
     help="What is written of a scratch: flux and cosines by bounce order for any material; the paper's texture; a 4-D "
     "table in the scratch's own angles (--grid TxP, default 16x32); or a table as of other models [default: native; "
     "blurred with a grid].",
@@ -160,6 +164,7 @@ def tabulate(
     from brdftab.errors import ParameterError
     from brdftab.io import check_output, write
     from brdftab.models.setup import resolve
+    from brdftab.timing import Clock
 
     if scene is not None:
         from brdftab.cli.scene import tabulate_scene
@@ -174,8 +179,6 @@ def tabulate(
     for name, asked in (("verify_plan", verify_plan), ("no_cache", no_cache)):
         if asked:
             raise ParameterError(f"{name} goes with --scene; leave it out")
-    from brdftab.timing import Clock
-
     clock = Clock()
     axes = {name: options.pop(name) for name in ("theta_i", "theta_o", "phi", "phi_i", "phi_o")}
     axes = {name: value for name, value in axes.items() if value is not None}
@@ -237,6 +240,7 @@ def _summary(table: Table, paths: tuple[str, ...], wall: float, as_json: bool) -
             "albedo": albedo,
             "error": error,
             "delta": made["delta"],
+            "energy": made["energy"],
             "energy_left_out": made["energy_left_out"],
             "kernel_time_s": made["kernel_time_s"],
             "compile_time_s": made["compile_time_s"],
@@ -267,21 +271,39 @@ def _summary(table: Table, paths: tuple[str, ...], wall: float, as_json: bool) -
         if made["energy_left_out"]:
             for angle, values in zip(albedo["theta_i_degrees"], made["energy_left_out"]["values"], strict=True):
                 click.echo(f"left out {angle:>2g}  " + "  ".join(f"{v:.2e}" for v in values))
+        if made["energy"]:
+            click.echo(
+                f"energy       rows hold their albedo within {made['energy']['largest']:.1e}, worst at theta_i = "
+                f"{made['energy']['at_degrees']:.4g}"
+            )
         click.echo(f"error        {error['estimate']:.1e} estimated (95 % of cells below {error['p95']:.1e})")
         click.echo(
-            f"run time     {made['kernel_time_s']:.3f} s in kernels, {wall:.2f} s in all, "
-            f"{made['cells_per_s']:.3g} cells/s"
+            f"run time     {made['kernel_time_s']:.3f} s in kernels, {wall - made['compile_time_s']:.2f} s in all, "
+            f"{made['cells_per_s']:.3g} cells/s; {made['compile_time_s']:.2f} s more to compile or load kernels"
         )
         for path in paths:
             click.echo(f"wrote        {path}")
     if made["compile_time_s"] > 0.5:
         click.echo(f"brdftab: compiled for {made['compile_time_s']:.1f} s, which no run time counts", err=True)
+    if table.grid.cell == "center" and made["energy"] and made["energy"]["largest"] > BETWEEN:
+        click.echo(f"Warning: {_between(made['energy'])}", err=True)
     if not error["met"]:
         click.echo(
             f"Warning: the estimated error {error['estimate']:.1e} exceeds tolerance {error['tolerance']:g}: "
             f"{error['reason']}",
             err=True,
         )
+
+
+def _between(energy: dict[str, Any]) -> str:
+    """Say that a lobe falls between the cells' centres, or on them, at the row where it tells most."""
+    row = energy["theta_i_degrees"].index(energy["at_degrees"])
+    held, albedo = max(energy["table"][row]), max(energy["albedo"][row])
+    return (
+        f"the cells of the row at theta_i = {energy['at_degrees']:.4g} degrees hold {held:.3g} of the light, the "
+        f"albedo is {albedo:.3g}: values at centres miss or overstate a lobe as narrow as a cell; take --cell average "
+        "or a finer grid"
+    )
 
 
 def _short(value: Any) -> str:

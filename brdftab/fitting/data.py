@@ -107,7 +107,7 @@ def dataset(
         Where no value is valid, or none of one channel is.
     """
     if sampling not in SAMPLINGS:
-        raise ParameterError(f"sampling = {short(sampling)} is not one of {', '.join(SAMPLINGS)}")
+        raise ParameterError.not_known("sampling", short(sampling), SAMPLINGS)
     if saturation is not None and not (math.isfinite(saturation) and saturation > 0.0):
         raise ParameterError.out_of_range("saturation", saturation, "(0, inf)", "give the clipped value in 1/sr")
     top = check_theta_max(theta_max)

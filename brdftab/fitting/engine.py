@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -21,6 +20,7 @@ from brdftab.fitting.starts import guess_albedo, spread
 from brdftab.fitting.terms import Sum
 from brdftab.models import twin
 from brdftab.models.microfacet.twin.frame import Directions, directions
+from brdftab.timing import Clock
 
 Array = NDArray[np.float64]
 # chunks of the program that serves starts (its first chunk) and the first stage (all of them)
@@ -133,7 +133,7 @@ class Fitter:
         use_compilation_cache()
         self.total, self.data, self.options = total, data, options
         self.channels = data.values.shape[1]
-        self.times = {"compile": 0.0, "starts": 0.0, "first_stage": 0.0, "polish": 0.0}
+        self.times = {"starts": 0.0, "first_stage": 0.0, "polish": 0.0}
         self.robust = options.robust is not None
         self.angles = (data.theta_i, data.theta_o, data.phi)
         self._pack()
@@ -194,21 +194,16 @@ class Fitter:
         scales = gram.Scales(scale, self.floor)
         args = (starts, count, self.low, self.high, self.fixed, scales, data, used, pace)
         options = self.options
-        before = _compiled.cache_info().misses
-        started = time.perf_counter()
         call = _compiled(made, options.method, options.max_steps, starts.shape, data.shape, _Shapes(args))
-        if _compiled.cache_info().misses > before:
-            self.times["compile"] += time.perf_counter() - started
         return jax.tree.map(np.asarray, call(*args))
 
     def _fit(self, rule: float, starts: Array | None) -> Outcome:
         """Run all stages with one rule."""
-        options, clock = self.options, time.perf_counter
+        options, clock = self.options, Clock()
         made, fixed = gram.problem(self.total, options.loss, self.robust, rule)
         self.made, self.fixed = made, (gram.channel_fixed(fixed, self.channels), gram.rules(made, rule, self.angles))
         scale = 1e6 if self.robust else 1.0
         chunks = -(-self.few.theta_i.size // gram.CHUNK)
-        compiled, began = self.times["compile"], clock()
         many = starts
         if many is None:
             albedo = guess_albedo(self.few.values, self.few.weight > 0.0)
@@ -218,8 +213,8 @@ class Fitter:
         found = self._solve(made, room, len(many), scale, self.small, 1)
         costs = np.where(np.isfinite(found.cost), found.cost, np.inf)[: len(many)]
         best = found.x[_candidates(costs, found.x)]
-        self.times["starts"] += clock() - began - (self.times["compile"] - compiled)
-        compiled, began = self.times["compile"], clock()
+        self.times["starts"] += clock.seconds
+        clock = Clock()
         room[: len(best)] = best
         first = self._solve(made, room, len(best), scale, self.small, chunks)
         lead = int(np.argmin(np.where(np.isfinite(first.cost), first.cost, np.inf)[: len(best)]))
@@ -227,13 +222,13 @@ class Fitter:
             scale = self._scale(first.x[lead])
             room[0] = first.x[lead]
             first, lead = self._solve(made, room, 1, scale, self.small, chunks), 0
-        self.times["first_stage"] += clock() - began - (self.times["compile"] - compiled)
+        self.times["first_stage"] += clock.seconds
         steps, end = int(first.steps[lead]), first
         if self.large is not None:
-            compiled, began = self.times["compile"], clock()
+            clock = Clock()
             end = self._solve(made, first.x[lead][None], 1, scale, self.large, self.large.shape[0])
             lead, steps = 0, steps + int(end.steps[0])
-            self.times["polish"] += clock() - began - (self.times["compile"] - compiled)
+            self.times["polish"] += clock.seconds
         return Outcome(
             x=end.x[lead],
             sums=gram.Sums(*(s[lead] for s in end.sums)),

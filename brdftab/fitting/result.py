@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from brdftab._version import __version__
+from brdftab.content import SeveralArrays, listed, same_fields, told
 from brdftab.evaluation import evaluate as evaluate_model
 from brdftab.fitting.terms import Sum, Term
 from brdftab.grid import Grid
@@ -20,9 +21,11 @@ from brdftab.tabulation import tabulate
 Array = NDArray[np.float64]
 
 
-@dataclass
-class FitResult:
+@dataclass(repr=False, eq=False)
+class FitResult(SeveralArrays):
     """The result of `brdftab.fit`.
+
+    Equal (``==``) where all but `times` and the alternatives is; without a hash.
 
     Attributes
     ----------
@@ -93,6 +96,32 @@ class FitResult:
     total: Sum = field(repr=False)
     warnings: list[str] = field(default_factory=list)
     alternatives: list[FitResult] = field(default_factory=list, repr=False)
+
+    _arrays = "correlation, values['NAME'] and stderr['NAME'] of a parameter with a value a channel"
+
+    def __eq__(self, other: object) -> bool:
+        left = ("times", "total", "alternatives")
+        return same_fields(self, other, [name for name in self.__dataclass_fields__ if name not in left])
+
+    __hash__ = None  # type: ignore[assignment]  # its content can change
+
+    def __repr__(self) -> str:
+        found = [
+            f"{name} = {value:.6g} +- {self.stderr[name]:.2g}"
+            if isinstance(value, float)
+            else f"{name} = {listed(f'{v:.6g}' for v in value)}"
+            for name, value in self.values.items()
+        ]
+        rms = self.metrics.get("logeps")
+        return told(
+            self,
+            self.model,
+            *found,
+            f"{self.points['directions']:,} directions",
+            "" if rms is None else f"logeps {rms:.3g}",
+            f"bic {self.bic:.6g}",
+            f"{len(self.warnings)} warnings" if self.warnings else "no warnings",
+        )
 
     def _parameters(self, term: Term, at: int) -> dict[str, Any]:
         """Return all parameters of one term for the evaluating functions."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -22,6 +21,7 @@ from brdftab.fitting.solver import MAX_STEPS, SOLVERS
 from brdftab.fitting.source import Source, load
 from brdftab.fitting.terms import Sum, parse, shares
 from brdftab.table import Table
+from brdftab.timing import Clock
 
 Array = NDArray[np.float64]
 THETA_MAX = math.radians(75.0)
@@ -104,7 +104,7 @@ def fit(
     BrdftabError
         If no value is valid, or none of one channel.
     """
-    began = time.perf_counter()
+    clock = Clock()
     options = _options(loss, robust, noise_floor, solver, starts, start, max_steps, seed)
     source = load(data)
     made = source.provenance if isinstance(source, Table) else {}
@@ -124,8 +124,8 @@ def fit(
     for total in sums:
         results.append(fit_points(total, points, options))
         results[-1].warnings += doubted
-        results[-1].times["total"] = time.perf_counter() - began
-        began = time.perf_counter()
+        results[-1].times |= {"total": clock.seconds, "compile": clock.compiling}
+        clock = Clock()
     best, *rest = sorted(results, key=lambda r: r.bic)
     best.alternatives = rest
     return best
@@ -150,9 +150,9 @@ def _options(
 ) -> Options:
     """Check how to fit."""
     if loss not in LOSSES:
-        raise ParameterError(f"loss = {loss} is not known; choose one of {', '.join(LOSSES)}")
+        raise ParameterError.not_known("loss", loss, LOSSES)
     if solver not in SOLVERS:
-        raise ParameterError(f"solver = {solver} is not known; choose one of {', '.join(SOLVERS)}")
+        raise ParameterError.not_known("solver", solver, SOLVERS)
     if isinstance(robust, str) and robust != "auto":
         raise ParameterError(f"robust = {robust} is neither auto nor a positive number; give a scale of the residual")
     if isinstance(robust, int | float) and not (math.isfinite(robust) and robust > 0.0):
@@ -167,7 +167,7 @@ def _options(
 
 def fit_points(total: Sum, points: Dataset, options: Options) -> FitResult:
     """Fit a parsed sum to points: what `fit` does once data and options are settled."""
-    began = time.perf_counter()
+    clock = Clock()
     fitter = Fitter(total, points, options)
     outcome = fitter.run()
     channels = len(points.channels)
@@ -192,7 +192,7 @@ def fit_points(total: Sum, points: Dataset, options: Options) -> FitResult:
     entangled = classical / np.outer(*2 * [np.where(slant > 0.0, slant, 1.0)])
     np.fill_diagonal(entangled, 1.0)
     classical_spread = np.where(at_bound, np.nan, np.sqrt(np.diag(classical)) * slope)
-    outcome.times["total"] = time.perf_counter() - began
+    outcome.times |= {"total": clock.seconds, "compile": clock.compiling}
     values = total.unpack(outcome.x, channels)
     kept = [
         held(t, {v.param: float(np.ravel(values[v.name])[0]) for v in total.variables if v.term == n})

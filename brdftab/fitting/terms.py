@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.errors import ParameterError
+from brdftab.errors import ParameterError, proposal
 from brdftab.fitting.held import of_data
 from brdftab.models import Model, spec, twin
 from brdftab.models.setup import Setup, resolve
@@ -339,7 +339,11 @@ def _owners(name: str, labels: Sequence[str], specs: Sequence[Model]) -> list[in
     at = _terms_with(name, labels, specs)
     if not at:
         known = sorted({p.name for s in specs for p in s.params})
-        raise ParameterError(f"{name} is not a parameter of {' + '.join(labels)}; they take {', '.join(known)}")
+        near = proposal(name.rpartition(".")[2], known)
+        raise ParameterError(
+            f"{name} is not a parameter of {' + '.join(labels)}; {near}{'T' if near else 't'}hey take "
+            f"{', '.join(known)}"
+        )
     return at
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import multiprocessing
 import os
-import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
@@ -13,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from brdftab.comparison import compare, tolerances
+from brdftab.content import told
 from brdftab.engine import Progress
 from brdftab.errors import BrdftabError, ParameterError
 from brdftab.golden.differences import Differences, compare_points
@@ -25,13 +25,14 @@ from brdftab.io.atomic import check_target
 from brdftab.models.setup import resolve
 from brdftab.table import Table
 from brdftab.tabulation import retabulate
+from brdftab.timing import Clock
 
 # path, model or entry of tables.toml, figure, whether a figure may be replaced
 _Task = tuple[Path, Any, Path | None, bool]
 EQUAL, DIFFERS, MISSING, BROKEN = "equal", "differs", "missing", "error"
 
 
-@dataclass
+@dataclass(repr=False)
 class Checked:
     """How one golden file compares.
 
@@ -59,6 +60,10 @@ class Checked:
     message: str = ""
     figure: str | None = None
     seconds: float = 0.0
+
+    def __repr__(self) -> str:
+        found = f"{self.found.differing:,} of {self.found.total:,} numbers differ"
+        return told(self, self.file, self.status, self.message or found)
 
     def to_json(self) -> dict[str, Any]:
         """Return it as a JSON-able dict."""
@@ -141,9 +146,9 @@ def check_golden(
 def _in_turn(tasks: Sequence[_Task]) -> Iterator[Checked]:
     """Check one file after the other."""
     for task in tasks:
-        started = time.perf_counter()
+        clock = Clock()
         result = _one(*task)
-        result.seconds = time.perf_counter() - started
+        result.seconds = clock.seconds
         yield result
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -22,6 +21,7 @@ from brdftab.golden.settings import directions, settings
 from brdftab.io.atomic import atomic, check_target, show
 from brdftab.models.setup import component_names, resolve
 from brdftab.provenance import machine
+from brdftab.timing import Clock
 
 Array = NDArray[np.float64]
 FORMAT = "brdftab-golden"
@@ -97,9 +97,9 @@ def write_points(model: str, path: Path, *, overwrite: bool = False) -> float:
         As `brdftab.io.atomic.atomic`.
     """
     check_target(path, overwrite=overwrite)
-    started = time.perf_counter()
+    clock = Clock()
     held = list(measured(model))
-    seconds = time.perf_counter() - started
+    seconds = clock.seconds
     arrays = {"metadata": np.array(json.dumps(_head(model, held), allow_nan=False))}
     for number, h in enumerate(held):
         arrays[f"{number}.directions"] = h.directions

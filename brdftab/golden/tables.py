@@ -83,7 +83,7 @@ def special_tables(folder: Path) -> list[Special]:
                 f"{show(path)}: file = {entry.file} is no name of its own ending in {' or '.join(ENDINGS)}; mend it"
             )
         if entry.model not in models.names():
-            raise ParameterError(f"model = {entry.model} in {show(path)} is not known; see brdftab models")
+            raise ParameterError.not_known(f"{show(path)}: model", entry.model, models.names())
     return found
 
 

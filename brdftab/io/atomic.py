@@ -58,6 +58,16 @@ def check_target(path: str | os.PathLike[str], *, overwrite: bool = False) -> Pa
     return target
 
 
+_unfinished: set[Path] = set()
+
+
+def discard() -> None:
+    """Remove all unfinished outputs of this process, for an end that leaves no time for `atomic` to do so."""
+    for path in list(_unfinished):
+        with contextlib.suppress(OSError):
+            os.unlink(path)
+
+
 @contextlib.contextmanager
 def atomic(path: str | os.PathLike[str], *, overwrite: bool = False) -> Iterator[Path]:
     """Give a temporary path in the output's folder and move it to the output when the block ends well.
@@ -83,6 +93,7 @@ def atomic(path: str | os.PathLike[str], *, overwrite: bool = False) -> Iterator
     """
     target = check_target(path, overwrite=overwrite)
     temporary = target.with_name(f".brdftab-{secrets.token_hex(8)}{target.suffix}")
+    _unfinished.add(temporary)
     try:
         # os.open keeps the user's umask, which tempfile.mkstemp would narrow to 0600
         os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
@@ -97,6 +108,7 @@ def atomic(path: str | os.PathLike[str], *, overwrite: bool = False) -> Iterator
     finally:
         with contextlib.suppress(OSError):
             os.unlink(temporary)
+        _unfinished.discard(temporary)
 
 
 def _publish(temporary: Path, target: Path, overwrite: bool) -> None:

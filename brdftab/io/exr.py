@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from brdftab.errors import FileFormatError
 from brdftab.io import text
 from brdftab.io.exr_header import FLOAT, UINT, ExrHeader, read_header
+from brdftab.io.names import utf8
 from brdftab.io.planned import layout_of
 from brdftab.io.quiet import quiet
 from brdftab.layout import Layout
@@ -49,7 +50,7 @@ def write(table: Table, path: Path) -> None:
         ATTRIBUTE: text.dump(table.metadata() | layout.to_json()),
     }
     try:
-        OpenEXR.File([OpenEXR.Part(header, channels, PART)]).write(str(path))
+        OpenEXR.File([OpenEXR.Part(header, channels, PART)]).write(utf8(path))
     except (RuntimeError, ValueError) as error:
         # the library turns a full disk into these; OSError is what the caller explains
         raise OSError(f"OpenEXR: {str(error).splitlines()[0]}") from error
@@ -75,8 +76,9 @@ def read(path: Path) -> Table:
     exr = read_header(path, ATTRIBUTE)
     head, metadata = text.load(exr.text)
     _check_layout(exr, head)
+    name = utf8(path)
     try:
-        with quiet(), OpenEXR.File(str(path), separate_channels=True) as file:
+        with quiet(), OpenEXR.File(name, separate_channels=True) as file:
             pixels = {name: np.array(channel.pixels) for name, channel in file.channels().items()}
     except MemoryError:
         raise

@@ -22,10 +22,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from brdftab.axes import HALF_PI
+from brdftab.content import listed
 from brdftab.directions import half_difference, in_out, wrap
 from brdftab.errors import FileFormatError, ParameterError
 from brdftab.io.atomic import atomic, show
-from brdftab.measurement import Array, Bracket, Cells, Mask, Measurement, angles, interpolate
+from brdftab.measurement import Array, Bracket, Cells, Mask, Measurement, TableMeasurement, angles, interpolate
+from brdftab.table import Table
 
 HALF, DIFFERENCE = 90, 90
 AZIMUTHS = (180, 360)
@@ -133,7 +135,7 @@ def directions(azimuths: int = 180) -> tuple[Array, Array, Array]:
 
 
 def write_merl(
-    source: ArrayLike | MerlMeasurement | Callable[[Array, Array, Array], ArrayLike],
+    source: ArrayLike | Table | Measurement | Callable[[Array, Array, Array], ArrayLike],
     path: str | os.PathLike[str],
     *,
     overwrite: bool = False,
@@ -142,10 +144,12 @@ def write_merl(
 
     Parameters
     ----------
-    source : array_like of shape (3, 90, 90, 180) or (3, 90, 90, 360), MerlMeasurement, or callable
+    source : array_like of shape (3, 90, 90, 180) or (3, 90, 90, 360), Table, Measurement, or callable
         f in 1/sr without cosine: planes R, G, B over theta_h, theta_d, phi_d at the centres that `directions` returns;
         NaN where a value is not measured, which is stored as a negative number. A callable takes theta_i, theta_o, phi
-        (N,) in radians and returns (N, 3) or (N, 1); cells below the horizon are stored as not measured.
+        (N,) in radians and returns (N, 3) or (N, 1); cells below the horizon are stored as not measured. Tables over an
+        isotropic grid and measurements of another format, with the channels R, G, B or one alone, are interpolated as
+        `Measurement.at` does; what it calls invalid, as angles beyond the grid's outer positions, is not measured.
     path : str or path-like
     overwrite : bool
         Whether an existing file may be replaced.
@@ -153,12 +157,17 @@ def write_merl(
     Raises
     ------
     ParameterError
-        Where the array has another shape, or holds an infinite number.
+        Where the array has another shape or holds an infinite number, the table is anisotropic, or the channels are
+        others.
     OutputExistsError, BrdftabError
         As `brdftab.write`.
     """
+    if isinstance(source, Table):
+        source = TableMeasurement(source)
     if isinstance(source, MerlMeasurement):
         planes = np.where(source.valid, source.values, np.nan)
+    elif isinstance(source, Measurement):
+        planes = _evaluated(_lookup(source))
     elif callable(source):
         planes = _evaluated(source)
     else:
@@ -224,6 +233,21 @@ def _centred(place: Array, count: int) -> Bracket:
     x = np.clip(place - 0.5, 0.0, count - 1.0)
     low = np.minimum(x.astype(np.int64), count - 2)
     return low, low + 1, x - low
+
+
+def _lookup(source: Measurement) -> Callable[[Array, Array, Array], Array]:
+    """Return what looks up another measurement: (N, 3) or (N, 1), NaN where it is not valid."""
+    if source.channels != CHANNELS and len(source.channels) != 1:
+        raise ParameterError(
+            f"channels = {listed(source.channels)} are not those of a MERL file, R G B; tabulate the model without "
+            "wavelengths, or give planes of R, G, B as an array"
+        )
+
+    def found(theta_i: Array, theta_o: Array, phi: Array) -> Array:
+        values, valid = source.at(theta_i, theta_o, phi)
+        return np.where(valid, values, np.nan)
+
+    return found
 
 
 def _evaluated(source: Callable[[Array, Array, Array], ArrayLike]) -> Array:

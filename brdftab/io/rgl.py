@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from brdftab.axes import HALF_PI
+from brdftab.content import told
 from brdftab.directions import from_vector, to_vector
 from brdftab.errors import FileFormatError
 from brdftab.io.atomic import show
@@ -47,6 +48,10 @@ class RglArrays:
     vndf: NDArray[np.floating]
     rgb: NDArray[np.floating]
     jacobian: bool
+
+    def __repr__(self) -> str:
+        names = ("theta_i", "ndf", "sigma", "vndf", "rgb")
+        return told(self, *(f"{name} {'x'.join(map(str, getattr(self, name).shape))}" for name in names))
 
 
 class RglMeasurement(Measurement):

@@ -201,7 +201,7 @@ def approximated(exact: Fresnel, how: str) -> Fresnel:
         If there is no such approximation.
     """
     if how not in APPROXIMATIONS:
-        raise ParameterError(f"fresnel = {how} is not known; choose one of {', '.join(APPROXIMATIONS)}")
+        raise ParameterError.not_known("fresnel", how, APPROXIMATIONS)
     if how == "exact" or exact.kind not in (CONDUCTOR, DIELECTRIC):
         return exact
     f0 = formulas.conductor(exact.a, exact.b, 1.0)

@@ -65,8 +65,13 @@ def check(name: str) -> str:
     """Return `name` where it is a known material, else raise `ParameterError` that lists the known ones."""
     known = names()
     if name not in known:
-        raise ParameterError(f"metal = {name} is not known; choose one of {', '.join(known)}, or give eta and k")
+        raise ParameterError.not_known("metal", name, known, ", or give eta and k", called())
     return name
+
+
+def called() -> dict[str, str]:
+    """Return the materials by their names in English, as gold for Au."""
+    return {header(name)["title"].partition(":")[0].strip(): name for name in names()}
 
 
 def load(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

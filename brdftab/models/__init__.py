@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from types import ModuleType
 from typing import Any
 
-from brdftab.errors import ParameterError
+from brdftab.errors import ParameterError, proposal
 
 PIECES = "microfacet"
 
@@ -107,6 +107,9 @@ class Model:
     forms: tuple[str, ...] = field(default=())
     roughness: str = "alpha"
 
+    def __repr__(self) -> str:
+        return f"Model({self.name}: {self.title}, {len(self.params)} parameters)"
+
     def has(self, name: str) -> bool:
         """Tell whether the model declares a parameter of that name."""
         return any(p.name == name for p in self.params)
@@ -116,8 +119,11 @@ class Model:
         for p in self.params:
             if p.name == name:
                 return p
-        known = ", ".join(p.name for p in self.params)
-        raise ParameterError(f"{name} is not a parameter of {self.name}; it takes {known}")
+        known = [p.name for p in self.params]
+        near = proposal(name, known)
+        raise ParameterError(
+            f"{name} is not a parameter of {self.name}; {near}{'I' if near else 'i'}t takes {', '.join(known)}"
+        )
 
 
 def _folders() -> dict[str, str]:
@@ -139,7 +145,7 @@ def names() -> list[str]:
 def _module(name: str, part: str) -> ModuleType:
     folders = _folders()
     if name not in folders:
-        raise ParameterError(f"model = {name} is not known; choose one of {', '.join(folders)}")
+        raise ParameterError.not_known("model", name, folders)
     return importlib.import_module(f"{__name__}.{folders[name]}{part}")
 
 
@@ -152,6 +158,15 @@ def spec(name: str) -> Model:
         If there is no such model.
     """
     return _module(name, "").SPEC
+
+
+def _part(name: str, part: str, called: str) -> ModuleType:
+    """Import and return a module that not every model has; `called` is what users call it."""
+    folders = _folders()
+    if name in folders and not _has(folders[name], part):
+        having = ", ".join(n for n, folder in folders.items() if _has(folder, part))
+        raise ParameterError(f"model = {name} has no {called}; choose one of {having}")
+    return _module(name, f".{part}")
 
 
 def kernel(name: str) -> ModuleType:
@@ -167,8 +182,14 @@ def kernel(name: str) -> ModuleType:
 
 
 def sampler(name: str) -> ModuleType:
-    """Import and return a model's sampling module: ``sample`` and ``pdf``."""
-    return _module(name, ".sample")
+    """Import and return a model's sampling module: ``sample`` and ``pdf``.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such model, or it has no sampler.
+    """
+    return _part(name, "sample", "sampler")
 
 
 def _has(folder: str, module: str) -> bool:
@@ -220,11 +241,7 @@ def shader(name: str) -> str:
     ParameterError
         If there is no such model, or it has no shader.
     """
-    folders = _folders()
-    if name in folders and not _has(folders[name], "glsl"):
-        having = ", ".join(n for n, folder in folders.items() if _has(folder, "glsl"))
-        raise ParameterError(f"model = {name} has no shader in GLSL; choose one of {having}")
-    return str(_module(name, ".glsl").source())
+    return str(_part(name, "glsl", "shader in GLSL").source())
 
 
 def twin(name: str) -> ModuleType:
@@ -239,11 +256,7 @@ def twin(name: str) -> ModuleType:
     ParameterError
         If there is no such model, or it has no twin.
     """
-    folders = _folders()
-    if name in folders and not _has_twin(folders[name]):
-        having = ", ".join(n for n, folder in folders.items() if _has_twin(folder))
-        raise ParameterError(f"model = {name} has no twin in JAX; choose one of {having}")
-    return _module(name, ".twin")
+    return _part(name, "twin", "twin in JAX")
 
 
 def checks(name: str) -> ModuleType | None:

@@ -96,18 +96,19 @@ def _floats(param: Param, value: Any) -> Any:
 def _checked(param: Param, value: Any) -> Any:
     """Return a JSON-able, validated value of one parameter."""
     if param.kind == "choice":
+        choices, called = param.choices, None
         if param.name == "material":
+            from brdftab.materials.indices import called as spoken
             from brdftab.materials.indices import names
 
-            choices: tuple[str, ...] = ("mirror", *names())
-        else:
-            choices = param.choices
+            choices = ("mirror", *names())
+            called = None if value in choices else spoken()
         if isinstance(value, int | float) and str(value) in choices:
             # bounces = 2 means "2"
             value = str(value)
         if value not in choices:
             why = f" ({param.remark})" if param.remark else ""
-            raise ParameterError(f"{param.name} = {value} is not known; choose one of {', '.join(choices)}{why}")
+            raise ParameterError.not_known(param.name, value, choices, why, called)
         return value
     if param.kind == "text":
         if not (isinstance(value, str) and value):

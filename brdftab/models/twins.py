@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from brdftab import models
-from brdftab.errors import ParameterError
+from brdftab.errors import ParameterError, proposal
 from brdftab.models.microfacet.rough import rough_class
 from brdftab.models.microfacet.twin.frame import Directions, directions
 from brdftab.models.microfacet.twin.static import Static
@@ -200,7 +200,11 @@ def derivative(
     static, params = split(setup, tolerance)
     known = [k for k in params if k != "weights"]
     if name not in known:
-        raise ParameterError(f"{name} is not a number of {setup.model.name} here; choose one of {', '.join(known)}")
+        near = proposal(name, known)
+        raise ParameterError(
+            f"{name} is not a number of {setup.model.name} here; {near}{'C' if near else 'c'}hoose one of "
+            f"{', '.join(known)}"
+        )
     size = params[name].size
     if channel is not None and not 0 <= channel < size:
         raise ParameterError.out_of_range("channel", channel, f"[0, {size - 1}]", f"{name} has {size} entries")

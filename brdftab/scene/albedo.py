@@ -64,7 +64,7 @@ def interpolate_albedo(table: AlbedoTable, theta_i: ArrayLike, *, layer: str = "
         If there is no such layer.
     """
     if layer not in table.directional:
-        raise ParameterError(f"layer = {layer} is not in the table; choose one of {', '.join(table.directional)}")
+        raise ParameterError.not_known("layer", layer, table.directional)
     return at(table.cosines, table.directional[layer][row], theta_i)
 
 

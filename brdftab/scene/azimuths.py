@@ -63,7 +63,7 @@ def keep_azimuths(
         way = options(name, symmetric=symmetric)
         kept[name], worst = choose(grid.axes[name], bent(lines, floor, times), tolerance / AXES, **way)
         error += worst
-    rate = (clock.seconds) / cells
+    rate = clock.seconds / cells
     if grid.square:
         for one, other in (("theta_i", "theta_o"), AROUND):
             kept[one] = kept[other] = np.union1d(kept[one], kept[other])

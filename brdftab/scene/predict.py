@@ -39,7 +39,7 @@ def averages(engine: Engine, plan: Plan) -> tuple[float, float]:
     some = cells[np.unique(np.linspace(0, len(cells) - 1, TIMED).round().astype(int))]
     clock = Clock()
     mirror_average(engine, plan.grid, some, nodes)
-    one = (clock.seconds) / len(some)
+    one = clock.seconds / len(some)
     finer = (MIRROR_NODES[0] / nodes) ** (3 if plan.grid.isotropic else 4)
     return counts[0] * one, counts[1] * one * finer
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.attempts import fill_grid
 from brdftab.axes import TWO_PI
 from brdftab.engine import Engine
 from brdftab.evaluation import has_mirror_averages
+from brdftab.filling import fill_grid
 from brdftab.grid import Grid
 from brdftab.scene.angles import part
 from brdftab.scene.knots import choose, largest, to_log
@@ -169,7 +169,7 @@ def pace(engine: Engine, grid: Grid, dtype: str) -> float:
     once(f"fill of {engine.setup.model.name}, {len(grid.shape)} axes", lambda: slab(engine, grid, few, dtype))
     clock = Clock()
     values = slab(engine, grid, some, dtype)
-    return (clock.seconds) / values[..., 0].size
+    return clock.seconds / values[..., 0].size
 
 
 def largest_error(engine: Engine, table: Table, plan: Plan, seed: int) -> float:

@@ -143,7 +143,7 @@ def _waves(entry: Entry, quantity: str) -> tuple[float, ...]:
 def _choice(entry: Entry, key: str, choices: tuple[str, ...]) -> str:
     value = entry.table.get(key, choices[0])
     if value not in choices:
-        raise ParameterError(f"{entry.head}: {key} = {value!r} is not known; choose one of {', '.join(choices)}")
+        raise ParameterError.not_known(f"{entry.head}: {key}", repr(value), choices)
     return str(value)
 
 
@@ -178,7 +178,7 @@ def _material(entry: Entry, folder: Path, dtype: str) -> Material:
         told = "model and layers exclude each other" if model else "model is missing"
         raise ParameterError(f"{entry.head}: {told}; give a model of the registry, or a file of layers of scratches")
     if model and model not in names():
-        raise ParameterError(f"{entry.head}: model = {model!r} is not known; choose one of {', '.join(names())}")
+        raise ParameterError.not_known(f"{entry.head}: model", repr(model), names())
     name = _text(entry, "name", model or Path(layers).stem)
     if not _NAME.fullmatch(name):
         raise ParameterError(f"{entry.head}: name = {name!r} cannot name a file; use letters, digits, - and _")

@@ -46,7 +46,7 @@ def weights(alpha: ArrayLike, combination: str = "normalised") -> tuple[Array, A
             joint = -np.expm1(np.log1p(-a).sum(axis=-1))
         share = np.divide(joint, total, out=np.ones_like(total), where=total > 0.0)
         return a * share[..., None], 1.0 - joint
-    raise ParameterError(f"combination = {combination} is not known; choose one of {', '.join(COMBINATIONS)}")
+    raise ParameterError.not_known("combination", combination, COMBINATIONS)
 
 
 def culled(alpha: NDArray[np.float32], threshold: float) -> tuple[NDArray[np.float32], dict[str, float]]:

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 BINS, CAP = 256, 64
 
 
-@numba.njit(parallel=True, cache=True)
+@numba.njit(parallel=True, cache=True, nogil=True)
 def count_rays(shape: tuple[Array, ...], tops: Array, bins: int, rays: int, side: int, seed: int, out: Array) -> None:
     """Fill out (M, M), exit by incident bin, with shares of rays; side > 0: strata a side instead of random rays."""
     for j in numba.prange(bins):

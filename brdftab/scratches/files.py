@@ -194,7 +194,7 @@ def write_scratch(
     """
     clock = Clock()
     if form not in KINDS:
-        raise ParameterError(f"form = {form} is not known; choose one of {', '.join(KINDS)}")
+        raise ParameterError.not_known("form", form, KINDS)
     if form == "native":
         if material:
             raise ParameterError(

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from brdftab.errors import BrdftabError, FileFormatError
 from brdftab.io import check_output
 from brdftab.io.atomic import atomic, show
+from brdftab.io.names import utf8
 from brdftab.io.quiet import quiet
 
 ATTRIBUTE = "brdftab"
@@ -42,7 +43,7 @@ def write(images: Images, head: dict[str, Any], path: str | Path, *, overwrite: 
         header = {"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION, ATTRIBUTE: text}
         channels = {n: OpenEXR.Channel(n, a) for n, a in pixels.items()}
         try:
-            OpenEXR.File([OpenEXR.Part(header, channels, "scratch")]).write(str(temporary))
+            OpenEXR.File([OpenEXR.Part(header, channels, "scratch")]).write(utf8(temporary))
         except (RuntimeError, ValueError) as error:
             raise BrdftabError(f"cannot write {show(path)} ({str(error).splitlines()[0]}); check the disk") from error
 
@@ -79,6 +80,6 @@ def _read_npz(path: str | Path) -> tuple[Images, str]:
 def _read_exr(path: str | Path) -> tuple[Images, str]:
     import OpenEXR
 
-    with quiet(), OpenEXR.File(str(path), separate_channels=True) as file:
+    with quiet(), OpenEXR.File(utf8(path), separate_channels=True) as file:
         part = file.parts[0]
         return {n: np.array(c.pixels) for n, c in part.channels.items()}, str(part.header[ATTRIBUTE])

@@ -140,9 +140,10 @@ def _base(source: str, table: Any) -> tuple[str, dict[str, Any]]:
     entry = Entry(source, "base", table, None)
     name = entry.table.pop("model", None)
     if name not in models.names() or name == "scratch":
-        known = ", ".join(n for n in models.names() if n != "scratch")
-        told = f"model = {name!r} is not known" if name is not None else "model is missing"
-        raise ParameterError(f"{entry.head}: {told}; choose one of {known}")
+        known = [n for n in models.names() if n != "scratch"]
+        if name is None:
+            raise ParameterError(f"{entry.head}: model is missing; choose one of {', '.join(known)}")
+        raise ParameterError.not_known(f"{entry.head}: model", repr(name), known)
     units = {p.name: p.unit for p in models.spec(name).params}
     parameters = {
         key: math.radians(value) if units.get(key) == "rad" and isinstance(value, int | float) else value
@@ -224,9 +225,7 @@ def parse(table: dict[str, Any], source: str = "layers", folder: str | os.PathLi
     psi = math.radians(top.number("psi", 1.0, 0.01, 20.0, "half width of the blurred cone, degrees"))
     combination = top.table.get("combination", COMBINATIONS[0])
     if combination not in COMBINATIONS:
-        raise ParameterError(
-            f"{top.head}: combination = {combination!r} is not known; choose one of {', '.join(COMBINATIONS)}"
-        )
+        raise ParameterError.not_known(f"{top.head}: combination", repr(combination), COMBINATIONS)
     if "base" not in top.table:
         raise ParameterError(f'{top.head}: base is missing; give [base] with model = "smith" or another')
     base, parameters = _base(source, top.table["base"])

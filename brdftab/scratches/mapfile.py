@@ -19,6 +19,7 @@ from brdftab._version import __version__
 from brdftab.errors import BrdftabError, FileFormatError, ParameterError
 from brdftab.io.atomic import atomic, check_target, show
 from brdftab.io.exr import ATTRIBUTE
+from brdftab.io.names import utf8
 from brdftab.io.quiet import quiet
 from brdftab.scratches.layers import MOST_LAYERS, Layered
 from brdftab.scratches.maps import LARGEST, AlphaMaps, halved
@@ -74,7 +75,7 @@ def write(maps: AlphaMaps, path: str | os.PathLike[str], *, overwrite: bool = Fa
         parts.append(OpenEXR.Part(header, channels, f"level{n:02d}"))
     with atomic(path, overwrite=overwrite) as temporary:
         try:
-            OpenEXR.File(parts).write(str(temporary))
+            OpenEXR.File(parts).write(utf8(temporary))
         except (RuntimeError, ValueError) as error:
             # the library turns a full disk into these; OSError is what the caller explains
             raise OSError(f"OpenEXR: {str(error).splitlines()[0]}") from error
@@ -108,8 +109,9 @@ def read(path: str | os.PathLike[str]) -> AlphaMaps:
     remedy = "give a file that brdftab scratch maps wrote, or write it again"
     if magic != b"\x76\x2f\x31\x01":
         raise FileFormatError(f"{show(name)}: is no EXR; {remedy}")
+    spelled = utf8(name)
     try:
-        return _load(name, bytes_there)
+        return _load(spelled, bytes_there)
     except MemoryError:
         raise
     except FileFormatError as error:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from brdftab.content import SeveralArrays, told
 from brdftab.errors import BrdftabError, ParameterError
 from brdftab.memory import offered
 from brdftab.scratches import lattice
@@ -27,8 +28,8 @@ METHODS = ("auto", "sample", "splat")
 WIDE = 1.0
 
 
-@dataclass(frozen=True, eq=False)
-class AlphaMaps:
+@dataclass(frozen=True, eq=False, repr=False)
+class AlphaMaps(SeveralArrays):
     """Shares of area by level, layer and texel; the tile repeats.
 
     Attributes
@@ -41,6 +42,11 @@ class AlphaMaps:
 
     levels: list[Map]
     facts: dict[str, Any]
+
+    _arrays = "levels[0], levels[1] and so on"
+
+    def __repr__(self) -> str:
+        return told(self, f"{len(self.levels)} levels from {self.size}^2", f"{len(self.levels[0])} layers")
 
     @property
     def size(self) -> int:
@@ -138,7 +144,7 @@ def layer_map(
     """
     size = check_size(size)
     if method not in METHODS:
-        raise ParameterError(f"method = {method} is not known; choose one of {', '.join(METHODS)}")
+        raise ParameterError.not_known("method", method, METHODS)
     if samples is not None and not 1 <= samples <= 64:
         raise ParameterError.out_of_range("samples", samples, "[1, 64]", "points along a side of a texel")
     if layer.area <= 0.0 or layer.area >= 1.0:

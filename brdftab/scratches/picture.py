@@ -69,7 +69,7 @@ class Sphere:
     def __post_init__(self) -> None:
         """Refuse what cannot be drawn; raises `ParameterError`."""
         if self.projection not in PROJECTIONS:
-            raise ParameterError(f"projection = {self.projection} is not known; choose one of {', '.join(PROJECTIONS)}")
+            raise ParameterError.not_known("projection", self.projection, PROJECTIONS)
         if not 0.0 < self.tiles <= 1000.0:
             raise ParameterError.out_of_range("tiles", self.tiles, "(0, 1000]", "tiles a radius")
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from brdftab.content import SeveralArrays, told
 from brdftab.errors import ParameterError
 from brdftab.materials.fresnel import Fresnel
 from brdftab.models.scratch import BINS as BOUNDS
@@ -27,8 +28,8 @@ SHIFT = 0.37
 MOST_RAYS = 1_000_000
 
 
-class Scratch:
-    """A traced scratch along azimuth 0; see `trace_scratch`.
+class Scratch(SeveralArrays):
+    """A traced scratch along azimuth 0; see `trace_scratch`. A scratch is equal (``==``) to itself alone.
 
     Directions have an angle along the scratch, t = asin(sin theta cos azimuth), and one across,
     p = atan2(sin theta sin azimuth, cos theta). A mirror reflects t_i into -t_i; across, light goes from bin to bin.
@@ -39,8 +40,14 @@ class Scratch:
         The numbers behind it.
     """
 
+    _arrays = "flux, lost, phi_edges, rho()"
+
     def __init__(self, traced: Traced) -> None:
         self.traced = traced
+
+    def __repr__(self) -> str:
+        one = self.traced
+        return told(self, one.profile.text, f"{one.bins} bins", f"{one.rays:,} rays a bin", f"cap {one.cap}")
 
     @property
     def profile(self) -> Profile:

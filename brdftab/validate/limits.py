@@ -71,7 +71,7 @@ def _within(finding: Finding, name: str, wanted: Any) -> bool:
 @cache
 def limits() -> tuple[Limit, ...]:
     """Return all entries of the table."""
-    entries = tomllib.loads(TABLE.read_text()).get("limit", [])
+    entries = tomllib.loads(TABLE.read_text(encoding="utf-8")).get("limit", [])
     return tuple(Limit(prop=e["property"], **{k: v for k, v in e.items() if k != "property"}) for e in entries)
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any
 
 from brdftab._version import __version__
+from brdftab.content import listed, told
 from brdftab.validate.finding import Finding
 
 # failures shown of one row
@@ -70,13 +72,18 @@ class Row:
         }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Report:
     """All rows of a check, whether it was the fast one, and what it took."""
 
     rows: list[Row]
     fast: bool
     seconds: float
+
+    def __repr__(self) -> str:
+        counts = Counter(row.status for row in self.rows)
+        told_rows = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
+        return told(self, listed(dict.fromkeys(row.model for row in self.rows)), told_rows, f"{self.seconds:.0f} s")
 
     @property
     def green(self) -> bool:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 
 from brdftab import models
 from brdftab.errors import ParameterError
+from brdftab.timing import Clock
 from brdftab.validate import properties
 from brdftab.validate.finding import Finding
 from brdftab.validate.limits import marked
@@ -26,7 +26,7 @@ def _row(name: str, subject: Subject) -> Row:
         reason = module.reason(subject)
     if reason:
         return Row(name, subject.model, skipped=reason)
-    started = time.perf_counter()
+    clock = Clock()
     worst: Finding | None = None
     failing: list[Finding] = []
     known: dict[str, Finding] = {}
@@ -43,7 +43,7 @@ def _row(name: str, subject: Subject) -> Row:
         if worst is None or found.ratio > worst.ratio:
             worst = found
     failing.sort(key=lambda f: -f.ratio)
-    elapsed = time.perf_counter() - started
+    elapsed = clock.seconds
     note = worst.detail if worst is not None and getattr(module, "TELL", False) else ""
     return Row(name, subject.model, worst, failing, list(known.values()), count, elapsed, note=note)
 
@@ -81,10 +81,10 @@ def check(
     known = properties.names()
     for name in only:
         if name not in known:
-            raise ParameterError(f"property = {name} is not known; choose one of {', '.join(known)}")
+            raise ParameterError.not_known("property", name, known)
     chosen = [models.spec(model).name] if model is not None else models.names()
     wanted = list(only) or known
-    started = time.perf_counter()
+    clock = Clock()
     rows = []
     for k, one in enumerate(chosen):
         subject = Subject(one, fast)
@@ -92,4 +92,4 @@ def check(
             rows.append(_row(name, subject))
             if progress is not None:
                 progress((k + (n + 1) / len(wanted)) / len(chosen))
-    return Report(rows, fast, time.perf_counter() - started)
+    return Report(rows, fast, clock.seconds)

@@ -74,7 +74,7 @@ def trace(fraction: float, theta_i: float, left: float, right: float, limit: int
     return first, count, math.atan2(-dx, dz)
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, parallel=True, nogil=True)
 def counted(
     theta_i: Array, left: Array, right: Array, rays: int, stratified: bool, seed: int, limit: int, out: Array
 ) -> None:
@@ -91,7 +91,7 @@ def counted(
                 out[n, first, count] += 1.0 / rays
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, parallel=True, nogil=True)
 def closed_symmetric(theta_i: Array, tilt: Array, limit: int) -> tuple[Array, Array]:
     """Return closed-form widths and angles (N, 2, limit) of symmetric grooves; the right facet by mirroring."""
     widths = np.zeros((theta_i.size, 2, limit))
@@ -104,7 +104,7 @@ def closed_symmetric(theta_i: Array, tilt: Array, limit: int) -> tuple[Array, Ar
     return widths, angles
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, parallel=True, nogil=True)
 def closed_nonsymmetric(theta_i: Array, left: Array, right: Array, limit: int) -> tuple[Array, Array]:
     """Return closed-form widths and angles (N, 2, limit) of grooves with two tilts."""
     widths = np.zeros((theta_i.size, 2, limit))

@@ -83,7 +83,7 @@ def single_bounce_rho(profile: Profile, bins: int, masking: str = "smith") -> Ar
         If there is no such masking.
     """
     if masking not in MASKINGS:
-        raise ParameterError(f"masking = {masking} is not known; choose one of {', '.join(MASKINGS)}")
+        raise ParameterError.not_known("masking", masking, MASKINGS)
     m, length = walls(profile)
     low = edges(bins)[:-1, None]
     p = low + np.pi / bins * (np.arange(ANGLES) + 0.5) / ANGLES

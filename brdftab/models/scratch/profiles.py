@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.errors import FileFormatError, ParameterError
+from brdftab.errors import FileFormatError, ParameterError, proposal
 from brdftab.models.scratch import PROFILES
 
 Array = NDArray[np.float64]
@@ -49,6 +49,9 @@ class Profile:
     bend: Array
     symmetric: bool
     depth: float
+
+    def __repr__(self) -> str:
+        return f"Profile({self.text}, {self.height.size} parabolas, {self.depth:.6g} half widths deep)"
 
     def at(self, x: Array) -> tuple[Array, Array]:
         """Return heights and slopes at positions x in [-1, 1]."""
@@ -224,7 +227,7 @@ def read_heights(path: str | Path) -> Array:
         if name.suffix.lower() == ".npy":
             data = _load(name)
         else:
-            text = name.read_text().replace(",", " ").replace(";", " ")
+            text = name.read_text(encoding="utf-8").replace(",", " ").replace(";", " ")
             rows = [row for row in text.splitlines() if row.partition("#")[0].strip()]
             if not rows:
                 raise ValueError("no numbers")
@@ -294,4 +297,5 @@ def parse(text: str) -> Profile:
         least = math.degrees(math.atan(1.0 / DEEPEST))
         angle = _number(words[0], text, least, 90.0, f"a half angle in [{least:.2g}, 90] degrees")
         return flat() if angle == 90.0 else vee(angle)
-    raise ParameterError(f"profile = {text} is not known; give {PROFILES}")
+    near = proposal(form, ("quartic", "ellipse", "u", "v", "flat", "file"))
+    raise ParameterError(f"profile = {text} is not known; {near}{'G' if near else 'g'}ive {PROFILES}")

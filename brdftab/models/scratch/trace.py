@@ -56,6 +56,9 @@ class Traced:
     deviation: float
     change: Array
 
+    def __repr__(self) -> str:
+        return f"Traced({self.profile.text}, {self.bins} bins, {self.rays:,} rays a bin, cap {self.cap})"
+
     @property
     def bins(self) -> int:
         """Number M of bins of angle across the scratch."""

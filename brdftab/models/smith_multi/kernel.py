@@ -13,6 +13,8 @@ import numpy as np
 from brdftab.models.setup import Setup
 
 LAYERED = True
+# directions are solved together, and how many there are turns the last bits: blocks have one size, whatever the time
+JOINT = True
 # standard error of albedos by walks
 NOISE = 1e-3
 

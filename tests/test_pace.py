@@ -1,0 +1,82 @@
+"""Kernels get blocks of less than half a second, whose sizes change no number, and Ctrl-C is answered meanwhile."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from brdftab import models, tabulate
+from brdftab.engine import Engine
+from brdftab.evaluation import is_stochastic
+from brdftab.models.setup import resolve
+from brdftab.pace import FIRST, LIMIT, MOST, Pace
+
+BRDFTAB = [sys.executable, "-c", "from brdftab.cli import main; main()"]
+
+
+def direct_settings():
+    for name in models.names():
+        variants = [{}]
+        spec = models.spec(name)
+        if spec.ndfs and spec.has(f"{spec.roughness}_x"):
+            variants.append({f"{spec.roughness}_x": 0.2, f"{spec.roughness}_y": 0.5})
+        for given in variants:
+            if not is_stochastic(resolve(name, **given)):
+                yield pytest.param(name, given, id=f"{name}{'-4d' if given else ''}")
+
+
+@pytest.mark.parametrize(("name", "given"), list(direct_settings()))
+def test_blocks_of_any_size_give_the_same_bits(name, given):
+    rng = np.random.default_rng(5)
+    angles = [rng.uniform(0.0, high, 300) for high in (1.5, 1.5, 2.0 * np.pi, 1.0)]
+    found = []
+    for size in (7, 300):
+        engine = Engine(resolve(name, **given), 1e-3)
+        engine._pace.size = engine._pace.size if engine._pace.steady else size
+        engine._pace.measure = lambda *_: None
+        found.append(engine.points(*angles))
+        assert engine.evaluated == 300
+    assert np.array_equal(*found)
+
+
+@pytest.mark.parametrize(("fixed", "rate"), [(0.0, 1e-7), (1e-4, 1e-5), (1e-3, 1e-2), (0.2, 3e-5), (0.0, 1.0)])
+def test_blocks_grow_to_the_time_that_they_may_take(fixed, rate):
+    pace = Pace()
+    seen = []
+    for _ in range(40):
+        seen.append(fixed + rate * pace.size)
+        pace.measure(pace.size, seen[-1])
+    allowed = max(LIMIT, 4.0 * fixed) + rate
+    assert seen[-1] <= 1.01 * allowed
+    assert pace.size == MOST or seen[-1] > 0.5 * allowed
+    # no block on the way took much longer than it may, but the first, which nothing is known about
+    assert max(seen[1:]) <= max(2.0 * allowed, seen[0])
+    assert seen[0] == fixed + rate * FIRST
+
+
+def test_blocks_cover_all():
+    pace = Pace()
+    covered = np.concatenate([np.arange(5000)[block] for block in pace.blocks(5000)])
+    assert np.array_equal(covered, np.arange(5000))
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
+@pytest.mark.parametrize("given", [["--alpha-x", ".2", "--alpha-y", ".5"], ["--cell", "average"]])
+def test_ctrl_c_is_answered_at_once(tmp_path, given):
+    tabulate("vgroove-sym", "4x4x8", alpha_x=0.2, alpha_y=0.2)
+    words = ["tabulate", "--model", "vgroove-nonsym", *given, "--tolerance", "1e-6", "--out", str(tmp_path / "a.exr")]
+    run = subprocess.Popen([*BRDFTAB, *words], stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    # past the imports, in the middle of compiling or evaluating
+    time.sleep(8.0)
+    assert run.poll() is None
+    run.send_signal(signal.SIGINT)
+    # a second is the aim; machines under load take longer
+    _, told = run.communicate(timeout=20.0)
+    assert run.returncode == 130
+    assert told.strip().endswith("Aborted")
+    assert "Traceback" not in told
+    assert os.listdir(tmp_path) == []
