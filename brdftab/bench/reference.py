@@ -114,7 +114,8 @@ def _supported(setup: Setup, grid: Grid, values: Array, kept: NDArray[np.bool_])
     """Return what looser rules support where the fine ones had the same values; rounding where there are no others."""
     equal = TOLERANCES[0]
     for tolerance in looser(equal):
-        other = np.array(filled(setup, grid, tolerance, fast=False)(), dtype=np.float64)
+        kernel = filled(setup, grid, tolerance, fast=False)()
+        other = np.array(kernel(), dtype=np.float64)
         if not np.array_equal(other[kept], values[kept]):
             return _bounded(measure(other, values, grid, kept), equal)
         equal = tolerance
