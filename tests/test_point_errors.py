@@ -100,3 +100,14 @@ def test_references_keep_the_last_gap_that_differs():
     assert made.uncertainty.max > 2.8e-10
     closed = reference.converge(resolve("lambert"), grid, 10.0)
     assert closed.uncertainty.max == reference.ROUNDING
+
+
+def test_a_second_bounce_by_quadrature_states_what_that_leaves():
+    """The quadrature is good to a share of the total, which is 700 times the second order here."""
+    given = {"ndf": "beckmann", "alpha": 0.7, "material": "mirror"}
+    at = (55.43, 80.24, 23.6)
+    found = point("smith-multi", at, 1e-3, True, estimator="hybrid", samples=256, **given)
+    exact = point("smith-multi", at, 1e-9, True, **given)
+    off = abs(found["components"]["order2"][0] - exact["components"]["order2"][0])
+    # 8.9e-8 of 4.7e-7, and 1.7e-7 stated
+    assert 0.1 * exact["components"]["order2"][0] < off < found["component_errors"]["order2"]["absolute"] < 5.0 * off

@@ -40,7 +40,7 @@ class Estimates:
     standard_error : ndarray (..., C)
         Standard error of the mean of the sum over all components, a channel.
     component_errors : ndarray
-        Standard error of the mean of each component, shape of `values`.
+        Standard error of the mean of each component, shape of `values`, with what a quadrature leaves of known ones.
     samples : ndarray (...) of int
         Paths drawn.
     """
