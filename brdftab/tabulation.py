@@ -62,9 +62,9 @@ def _energy(run: Run | Drawn, judged: Estimate | Spread, tolerance: float) -> di
     """Return the light that rows of a table hold beside their albedo; None of points, of estimates with noise."""
     if isinstance(judged, Spread):
         return None
-    if run.grid.cell != "center" or run.engine.layers > 1:
+    if run.grid.cell != "center":
         return judged.energy
-    return energies(run.setup, run.grid, run.total, tolerance, run.engine)
+    return energies(run.setup, run.grid, run.total, tolerance, run.engine if run.engine.layers == 1 else None)
 
 
 def default_grid(setup: Setup) -> str:

@@ -162,6 +162,8 @@ def test_centres_that_miss_their_lobe_are_told(tmp_path):
     assert "of the light, the albedo is 1" in result.stderr
     table = brdftab.tabulate("smith", "18x20x36", alpha=0.001, **MIRROR)
     assert table.provenance["energy"]["largest"] > 0.5
+    parts = brdftab.tabulate("kulla-conty", "18x20x36", alpha=0.001, components=True, **MIRROR)
+    assert parts.provenance["energy"]["largest"] > 0.5
     rough = brdftab.tabulate("smith", "30x30x60", alpha=0.4, **MIRROR)
     assert rough.provenance["energy"]["largest"] < 0.02
     assert rough.provenance["error"]["met"]
