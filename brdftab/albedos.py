@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 
 from brdftab import models
 from brdftab._version import __version__
+from brdftab.agreement import least_errors
 from brdftab.content import SeveralArrays, listed, same_fields, told
 from brdftab.engine import Engine, Progress
 from brdftab.errors import BrdftabError, FileFormatError, ParameterError
 from brdftab.evaluation import check_tolerance, is_stochastic
-from brdftab.integrals import check_fixed, many, nodes_for, split
+from brdftab.integrals import check_fixed, finer_tolerance, many, nodes_for, split
 from brdftab.models.setup import Setup, resolve
 from brdftab.provenance import machine
 from brdftab.timing import Clock
@@ -163,8 +164,19 @@ def row(
         rest = albedos(setup, np.arccos(mu), tolerance, engine, fixed)
     picked = np.unique(np.linspace(0, angles.size - 1, CHECKS).round().astype(int))
     share = FINER_LOOSE if tolerance >= LOOSE else FINER
-    finer = albedos(setup, angles[picked], max(share * tolerance, 1e-10), None, fixed)
-    error = float(np.abs(finer - cells[:, picked]).max())
+    finer = albedos(setup, angles[picked], max(finer_tolerance(tolerance, share), 1e-10), None, fixed)
+    few = cells[:, picked]
+    error = float(np.abs(finer - few).max())
+    # below the least tolerance rules have the same nodes
+    same = (finer == few).all(axis=-1).T
+    least = least_errors(
+        few.transpose(1, 0, 2),
+        tolerance,
+        lambda at, wanted: albedos(setup, angles[picked[at]], wanted, None, fixed).transpose(1, 0, 2),
+        doubted=same,
+        scale=1.0,
+    )
+    error = max(error, float(least.max()))
     return Row(setup, cells, 2.0 * np.einsum("n,lnc->lc", weight * mu, rest), error)
 
 

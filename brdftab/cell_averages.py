@@ -21,7 +21,8 @@ from brdftab.grid import Grid
 from brdftab.lobe import Pieces, directions, pieces, unresolved
 
 Array = NDArray[np.float64]
-NODES = 4
+# Gauss nodes along each coordinate of a box; below the tolerance more of them need fewer points
+NODES, MORE, TIGHT = 4, {3: 6, 4: 5}, 3e-4
 # levels of division: a box of the last is 1/1024 of its piece along a coordinate
 LEVELS = 10
 # a box is divided where its own error exceeds this share of what its cell may have
@@ -122,12 +123,17 @@ def _evaluated(engine: Engine, grid: Grid, of: Pieces, boxes: _Boxes, count: int
     return integral, mass, doubt
 
 
+def box_nodes(grid: Grid, tolerance: float) -> int:
+    """Return the Gauss nodes along each coordinate of a box that averages to a tolerance take."""
+    return NODES if tolerance > TIGHT else MORE[len(grid.shape)]
+
+
 def cell_averages(
     engine: Engine,
     grid: Grid,
     cells: NDArray[np.int64],
     tolerance: float,
-    nodes: int = NODES,
+    nodes: int | None = None,
     lobed: NDArray[np.bool_] | None = None,
     most: float = np.inf,
 ) -> tuple[Array, int]:
@@ -146,11 +152,11 @@ def cell_averages(
     tolerance : float
         Relative error asked of every cell; the boxes of a cell that stay above it are divided up to `LEVELS` times.
     nodes : int, optional
-        Gauss nodes along each coordinate of a box.
+        Gauss nodes along each coordinate of a box; by default `box_nodes`.
     lobed : ndarray of bool (K,), optional
         Cells whose mirror lobe is narrow; known from the grid where not given.
     most : float, optional
-        Points at which dividing ends.
+        Points at which dividing ends; every batch of pieces has its share.
     """
     setup = engine.setup
     if lobed is None:
@@ -160,12 +166,17 @@ def cell_averages(
     points = 0
     if not len(cells):
         return total, points
+    count = nodes or box_nodes(grid, tolerance)
+    left = most
     of = pieces(setup, grid, cells, lobed, singular_setup(setup) is not None)
+    rest = len(of.kind)
     # plain and graded pieces have different maps; a cell is of one kind
     for chosen in (np.flatnonzero(of.kind == 0), np.flatnonzero(of.kind != 0)):
         starts = _batches(of.owner[chosen])
         for first, last in itertools.pairwise(starts):
-            points += _follow(engine, grid, of, chosen[first:last], tolerance, nodes, most - points, total, mass)
+            share = left * (last - first) / rest
+            used = _follow(engine, grid, of, chosen[first:last], tolerance, count, share, total, mass)
+            points, left, rest = points + used, left - used, rest - (last - first)
     means: Array = total / mass[:, None, None]
     means[:, 0] += delta.cell_averages(setup, grid, cells)
     return means, points

@@ -67,6 +67,8 @@ def cell_averages(setup: Setup, grid: Grid, cells: NDArray[np.int64]) -> Array:
     low, high = np.maximum(low_i, low_o), np.minimum(np.minimum(high_i, high_o), 0.5 * math.pi)
     share = _azimuths(grid, cells)
     held = np.flatnonzero((high > low) & (share > 0.0))
+    if not held.size:
+        return out
     spans, at = np.unique(np.stack([low[held], high[held]]), axis=1, return_inverse=True)
     x, w = unit_gauss(NODES)
     # elevations from the horizon, squared

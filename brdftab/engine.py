@@ -124,10 +124,13 @@ class Engine:
         """
         square = self.setup.model.reciprocal and bool(np.array_equal(incoming, outgoing))
         rows, columns = len(incoming), len(outgoing)
+        # of half a square, row n has n + 1 columns
+        pairs = np.cumsum(np.arange(1, rows + 1) if square else np.full(rows, columns))
         start = 0
         while start < rows:
-            size = max(1, self._pace.size // columns)
-            a = np.arange(start, min(start + size, rows))
+            done = pairs[start - 1] if start else 0
+            stop = max(start + 1, int(np.searchsorted(pairs, done + self._pace.size, side="right")))
+            a = np.arange(start, stop)
             i, o = np.meshgrid(a, np.arange(a[-1] + 1 if square else columns), indexing="ij")
             kept = o <= i if square else np.ones(i.shape, dtype=bool)
             i, o = i[kept], o[kept]
@@ -138,6 +141,5 @@ class Engine:
             if square:
                 out[:, o, i] = values
             if progress is not None:
-                # of half a square, row n has n columns
-                progress(((a[-1] + 1.0) / rows) ** (2 if square else 1))
-            start += size
+                progress(float(pairs[stop - 1] / pairs[-1]))
+            start = stop

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.cell_averages import NODES, cell_averages
+from brdftab.cell_averages import NODES, box_nodes, cell_averages
 from brdftab.cells import FLOOR, mirror_average
 from brdftab.energy import energies
 from brdftab.engine import Engine
@@ -128,7 +128,8 @@ def _averaged(
         held = held[np.unique(np.linspace(0, len(held) - 1, LOBES).round().astype(int))]
         cells = np.unique(np.concatenate([cells, held]), axis=0)
     engine = Engine(setup, max(REFERENCE * tolerance, 1e-13), fast=False)
-    finer = NODES + FINER[grid.isotropic] * (1 if nodes <= NODES else 2)
+    # the first rule of averages asks its boxes for the tolerance, later ones for less
+    finer = box_nodes(grid, tolerance if nodes <= NODES else REFERENCE * tolerance) + FINER[grid.isotropic]
     narrow = lobed[tuple(cells.T)]
     reference, _ = cell_averages(engine, grid, cells, REFERENCE * tolerance, finer, narrow, MOST[grid.isotropic])
     return cells, reference[:, 0], int(np.count_nonzero(narrow))

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from brdftab import delta, models
+from brdftab.agreement import LOOSEST, least_errors, looser
 from brdftab.errors import ParameterError, SingularDirectionError
 from brdftab.models.setup import Setup, component_names, resolve
 from brdftab.timing import Clock
@@ -17,14 +19,15 @@ Array = NDArray[np.float64]
 ORDERS = 8
 MIRROR = 1e-14
 EPS = float(np.finfo(np.float64).eps)
-# a point value is compared with tolerances that grow by this factor, up to the loosest that can be asked
-COARSER, LOOSEST = 100.0, 0.5
 TOLERANCE = 1e-9
+# the finer rule's share of the tolerance
+FINER = 0.01
+Progress = Callable[[float], None]
 
 
 def check_tolerance(tolerance: float) -> float:
     """Return a relative tolerance after checking that it lies in [1e-14, 0.5]."""
-    if not (isinstance(tolerance, int | float) and 1e-14 <= tolerance <= 0.5):
+    if not (isinstance(tolerance, int | float) and 1e-14 <= tolerance <= LOOSEST):
         raise ParameterError.out_of_range("tolerance", tolerance, "[1e-14, 0.5]", "it is a relative error")
     return float(tolerance)
 
@@ -183,50 +186,50 @@ def evaluate(
 
 
 def evaluate_point(
-    setup: Setup, theta_i: float, theta_o: float, phi: float, phi_i: float, *, tolerance: float, components: bool
+    setup: Setup,
+    theta_i: float,
+    theta_o: float,
+    phi: float,
+    phi_i: float,
+    *,
+    tolerance: float,
+    components: bool,
+    progress: Progress | None = None,
 ) -> dict[str, Any]:
     """Evaluate one pair of directions (radians) with its estimated errors and run times.
 
     The value is compared with those at a hundredth of the tolerance and at looser ones, up to the first that differs:
-    the error is the difference to the finer one, but no less than what the looser ones support (see `_stated`),
+    the error is the difference to the finer one, but no less than what the looser ones support (`least_errors`),
     relative to the largest channel, plus the rounding of float64. Where the model's finest rule is asked, none is finer
     and the error is the difference to the looser one. Of an estimate with noise it is the standard error instead.
+    `progress` is called with the finished share of what the value is compared with.
 
     Returns
     -------
     dict
-        model, parameters, channels, value, components (None unless asked), component_errors (None unless asked, and of
-        estimates with noise; by name {"absolute": in 1/sr, "relative": to the component's own largest channel}), delta
-        (None but at the mirror direction of a flat interface: the share of light, a channel each, that is reflected
-        there beside `value`), error, run_time_s (of the value) and error_time_s (of what
-        it was compared with), compilation left out; JSON-able.
+        model, parameters, channels, value, components (None unless asked), component_errors (None unless asked; by name
+        {"absolute": in 1/sr, "relative": to the component's own largest channel}), delta (None but at the mirror
+        direction of a flat interface: the share of light, a channel each, that is reflected there beside `value`),
+        error, spectral (see `spectral`: what few wavelengths leave is no part of the error), run_time_s (of the value)
+        and error_time_s (of what it was compared with), compilation left out; JSON-able.
     """
     asked = check_tolerance(tolerance)
     orders = ORDERS if components else 0
     at = (theta_i, theta_o, phi, phi_i)
-    errors = None
     clock = Clock()
     if is_stochastic(setup):
         angles = [np.array([a], dtype=np.float64) for a in at]
         found = models.kernel(setup.model.name).estimates(setup, *angles, orders=orders, tolerance=asked)
         elapsed = clock.seconds
         values = found.values[0]
-        total, spread = values.sum(axis=0), float(found.standard_error.max())
+        spread = float(found.standard_error.max())
+        errors = found.component_errors[0].max(axis=-1)
     else:
         values = evaluate_setup(setup, *at, orders, asked)
         elapsed = clock.seconds
-        total = values.sum(axis=0)
-        # rules finer than the finest would be made again in vain
-        finest = finest_tolerance(setup)
-        served, finer = max(asked, finest), values
-        support = math.inf
-        if served > finest:
-            finer = evaluate_setup(setup, *at, orders, max(0.01 * served, finest, 1e-14))
-            support = served
-        coarser = _coarser(setup, at, orders, served, total)
-        spread = _stated(total, finer.sum(axis=0), [(t, c.sum(axis=0)) for t, c in coarser], support)
-        errors = [_stated(v, finer[n], [(t, c[n]) for t, c in coarser], support) for n, v in enumerate(values)]
+        spread, errors = _spreads(setup, at, orders, asked, values, progress)
     everything = clock.seconds
+    total = values.sum(axis=0)
     names = component_names(setup, orders) if components else ()
     return {
         "model": setup.model.name,
@@ -234,56 +237,77 @@ def evaluate_point(
         "channels": list(setup.channels),
         "value": total.tolist(),
         "components": dict(zip(names, values.tolist(), strict=True)) if components else None,
-        "component_errors": None
-        if errors is None or not components
-        else {
-            name: {"absolute": error + EPS * float(np.abs(total).max()), "relative": _relative(error, value) + EPS}
+        "component_errors": {
+            name: {"absolute": float(error) + EPS * float(np.abs(total).max()), "relative": _relative(error, value)}
             for name, error, value in zip(names, errors, values, strict=True)
-        },
+        }
+        if components
+        else None,
         "delta": _delta(setup, theta_i, theta_o, phi),
-        "error": _relative(spread, total) + EPS,
+        "error": _relative(spread, total),
+        "spectral": spectral(setup),
         "run_time_s": elapsed,
         "error_time_s": everything - elapsed,
     }
 
 
+def spectral(setup: Setup) -> dict[str, Any] | None:
+    """Say how many wavelengths stand behind RGB and what they cost in accuracy, relative; None without reflectance."""
+    if setup.fresnel is None:
+        return None
+    return {
+        "wavelengths_nm": list(setup.fresnel.wavelengths),
+        "error_against_5nm": setup.fresnel.spectral_error,
+        "source": setup.fresnel.source,
+    }
+
+
 def _relative(spread: float, value: Array) -> float:
-    """Return an absolute error over the largest channel; 0 where nothing is wrong with 0."""
+    """Return an absolute error over the largest channel, with rounding; that alone where nothing is wrong with 0."""
     scale = float(np.abs(value).max())
     if scale == 0.0:
-        return 0.0 if spread == 0.0 else 1.0
-    return spread / scale
+        return EPS if spread == 0.0 else 1.0
+    return float(spread) / scale + EPS
 
 
-def _coarser(
-    setup: Setup, at: tuple[float, float, float, float], orders: int, tolerance: float, total: Array
-) -> list[tuple[float, Array]]:
-    """Return (tolerance, values (P, C)) at looser and looser tolerances, until the total (C,) differs."""
-    found: list[tuple[float, Array]] = []
-    while tolerance < LOOSEST:
-        tolerance = min(COARSER * tolerance, LOOSEST)
-        values = evaluate_setup(setup, *at, orders, tolerance)
-        found.append((tolerance, values))
-        if not np.array_equal(values.sum(axis=0), total):
-            break
-    return found
+def _spreads(
+    setup: Setup,
+    at: tuple[float, float, float, float],
+    orders: int,
+    tolerance: float,
+    values: Array,
+    progress: Progress | None,
+) -> tuple[float, Array]:
+    """Return the absolute errors to state of the total and of the components (P, C), without rounding.
 
-
-def _stated(value: Array, finer: Array, coarser: list[tuple[float, Array]], tolerance: float) -> float:
-    """Return the absolute error to state of values (C,) that were compared with finer and looser rules.
-
-    Rules that agree, by chance or because they have the same nodes, say nothing: the error is at least the lesser of
-    the loosest tolerance with the same bits and the difference to the next. Where none differs there is no rule. An
-    infinite tolerance lets the difference to the next count alone.
+    The difference to the finer rule, but no less than what looser rules support; where none is finer, the difference to
+    the first looser one that differs.
     """
-    difference = float(np.abs(finer - value).max())
-    for looser, other in coarser:
-        gap = float(np.abs(other - value).max())
-        if gap > 0.0:
-            supported = gap if math.isinf(tolerance) else min(tolerance * float(np.abs(value).max()), gap)
-            return max(difference, supported)
-        tolerance = max(tolerance, looser)
-    return difference
+    # rules finer than the finest would be made again in vain
+    finest = finest_tolerance(setup)
+    served = max(tolerance, finest)
+    finer = [max(FINER * served, finest, 1e-14)] if served > finest else []
+    steps = [*finer, *looser(served)]
+    done = 0
+
+    def parts(wanted: float) -> Array:
+        nonlocal done
+        found = evaluate_setup(setup, *at, orders, wanted)
+        done += 1
+        if progress is not None:
+            progress(done / len(steps))
+        # the total is one more that may differ, or not
+        return np.concatenate([found, found.sum(axis=0, keepdims=True)])
+
+    whole = np.concatenate([values, values.sum(axis=0, keepdims=True)])
+    stated = np.zeros(len(whole))
+    for wanted in finer:
+        stated = np.abs(parts(wanted) - whole).max(axis=-1)
+    # an infinite scale lets the difference to a looser rule count alone
+    scale = None if finer else np.full((1, len(whole)), math.inf)
+    least = least_errors(whole[None], served, lambda _, wanted: parts(wanted)[None], scale=scale)[0]
+    stated = np.maximum(stated, least)
+    return float(stated[-1]), stated[:-1]
 
 
 def _delta(setup: Setup, theta_i: float, theta_o: float, phi: float) -> list[float] | None:

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.cell_averages import NODES, cell_averages
+from brdftab.cell_averages import box_nodes, cell_averages
 from brdftab.cells import FLOOR, axis_nodes
 from brdftab.engine import Engine, Progress
 from brdftab.grid import Grid
@@ -15,8 +15,10 @@ from brdftab.lobe import unresolved
 
 Array = NDArray[np.float64]
 # cells are averaged again, by a rule that divides itself, where this many nodes and one less differ by more than so
-# many times the tolerance: the finer rule is off by a part of that
-DIFFERENCE = 1.5
+# many times the tolerance: at kinks the finer rule is off by up to 1.1 times that
+DIFFERENCE = 0.7
+# but not where one node more changes them by less than so many times the tolerance: they are steep, yet smooth
+SETTLED = 0.5
 # points for cells that are averaged again: so many a cell of the grid, but not fewer than a small grid may have
 POINTS, LEAST_POINTS = 64, {True: 1 << 23, False: 1 << 25}
 # share of the work that Gauss nodes common to all cells make up, for the bar that shows progress
@@ -70,7 +72,7 @@ def _common(engine: Engine, grid: Grid, nodes: int, progress: Progress | None) -
 
 
 def _relative(total: Array, coarser: Array) -> Array:
-    """Return the largest channel difference of both over a cell's largest channel, shape of the grid."""
+    """Return the largest channel difference of averages (P, ..., C) over a cell's largest channel, (...)."""
     total, coarser = total.sum(axis=0), coarser.sum(axis=0)
     scale = np.maximum(np.abs(total).max(axis=-1), FLOOR)
     return np.asarray(np.abs(total - coarser).max(axis=-1) / scale)
@@ -115,12 +117,20 @@ def fill_averages(
     if _mirrored(engine, grid):
         lobed |= _swapped(grid, lobed)
         again = (again | _swapped(grid, again)) & _lower(grid)
+    steep = np.argwhere(again & ~lobed)
+    # no budget: every cell is one box
+    finer, _ = cell_averages(engine, grid, steep, tolerance, nodes + 1, np.zeros(len(steep), dtype=bool), most=0.0)
+    at = (slice(None), *steep.T)
+    change = _relative(finer.transpose(1, 0, 2), total[at])
+    total[at] = finer.transpose(1, 0, 2)
+    doubt[tuple(steep.T)] = change
+    again[tuple(steep.T)] = change > SETTLED * tolerance
     cells = np.argwhere(again)
     most = max(LEAST_POINTS[grid.isotropic], POINTS * grid.size)
     # where there are too many, those come first that hold the lobe, then those that the nodes leave the most of
     order = np.argsort(np.where(lobed, -np.inf, -doubt)[tuple(cells.T)], kind="stable")
     narrow = int(np.count_nonzero(lobed[tuple(cells.T)]))
-    cells = cells[order[: max(narrow, int(most // NODES ** len(grid.shape)))]]
+    cells = cells[order[: max(narrow, int(most // box_nodes(grid, tolerance) ** len(grid.shape)))]]
     found, _ = cell_averages(engine, grid, cells, tolerance, lobed=lobed[tuple(cells.T)], most=most)
     total[(slice(None), *cells.T)] = found.transpose(1, 0, 2)
     if _mirrored(engine, grid):

@@ -76,6 +76,12 @@ def nodes_for(tolerance: float) -> int:
     return next((nodes for least, nodes in FEWER if tolerance > least), 2 * NODES)
 
 
+def finer_tolerance(tolerance: float, share: float) -> float:
+    """Return a share of a tolerance, or less where that would take the same nodes and see nothing of their error."""
+    asked = share * tolerance
+    return min(asked, FEWER[-1][0]) if nodes_for(asked) == nodes_for(tolerance) else asked
+
+
 def _own(engine: Engine, fixed: str) -> Any:
     """Return the model's kernel module where what it integrates itself serves, else None.
 

@@ -41,8 +41,8 @@ class Pace:
         rate = max(rate, 0.1 * seconds / pairs, 1e-12)
         fixed = max(seconds - rate * pairs, 0.0)
         wanted = (max(LIMIT, SET_UP * fixed) - fixed) / rate
-        # times scatter: grow slowly, shrink fast
-        self.size = int(min(max(wanted, self.size / 8.0, 1.0), 2.0 * max(pairs, 1), MOST))
+        # times scatter: grow more slowly than shrink
+        self.size = int(min(max(wanted, self.size / 8.0, 1.0), 4.0 * max(pairs, 1), MOST))
 
     def blocks(self, count: int) -> Iterator[slice]:
         """Yield slices that cover `count` pairs; what the caller does with each is timed."""
@@ -51,7 +51,7 @@ class Pace:
             stop = min(count, start + self.size)
             clock = Clock()
             yield slice(start, stop)
-            # a short rest at the end says little about long blocks
-            if stop - start >= min(self.size, FIRST):
+            # a short rest at the end says little about long blocks; whole rows of a table fill more than half a block
+            if stop - start >= 0.5 * min(self.size, FIRST):
                 self.measure(stop - start, clock.seconds)
             start = stop

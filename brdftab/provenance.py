@@ -14,6 +14,7 @@ from numpy.typing import DTypeLike
 from brdftab import delta, models
 from brdftab.engine import Engine
 from brdftab.estimate import Estimate
+from brdftab.evaluation import spectral
 from brdftab.grid import Grid
 from brdftab.integrals import directional
 from brdftab.models.setup import Setup, resolve
@@ -38,7 +39,7 @@ def machine() -> dict[str, Any]:
 def physics(setup: Setup, engine: Engine, tolerance: float, grid: Grid) -> dict[str, Any]:
     """Return what follows from the setup: spectrum, albedo, delta, energy left out, formula and citation."""
     return {
-        "spectral": _spectral(setup),
+        "spectral": spectral(setup),
         "albedo": _albedo(engine),
         "delta": delta.described(setup, grid, ALBEDO_ANGLES),
         "energy_left_out": _with_delta(_left_out(setup, tolerance), setup, grid),
@@ -55,17 +56,6 @@ def verdict(judged: Estimate | Spread, tolerance: float, dtype: DTypeLike) -> di
     if np.dtype(dtype) == np.float32 and judged.largest <= 1.2e-7:
         return {"met": False, "reason": "float32 rounds to 6e-8; ask for --dtype float64"}
     return {"met": False, "reason": judged.reason}
-
-
-def _spectral(setup: Setup) -> dict[str, Any] | None:
-    """Say how many wavelengths stand behind RGB and what they cost in accuracy."""
-    if setup.fresnel is None:
-        return None
-    return {
-        "wavelengths_nm": list(setup.fresnel.wavelengths),
-        "error_against_5nm": setup.fresnel.spectral_error,
-        "source": setup.fresnel.source,
-    }
 
 
 def _albedo(engine: Engine) -> dict[str, Any]:

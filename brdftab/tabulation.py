@@ -62,9 +62,9 @@ def _energy(run: Run | Drawn, judged: Estimate | Spread, tolerance: float) -> di
     """Return the light that rows of a table hold beside their albedo; None of points, of estimates with noise."""
     if isinstance(judged, Spread):
         return None
-    if run.grid.cell != "center" or run.engine.layers > 1:
+    if run.grid.cell != "center":
         return judged.energy
-    return energies(run.setup, run.grid, run.total, tolerance, run.engine)
+    return energies(run.setup, run.grid, run.total, tolerance, run.engine if run.engine.layers == 1 else None)
 
 
 def default_grid(setup: Setup) -> str:
@@ -197,6 +197,10 @@ def retabulate(table: Table, threads: int | None = None) -> Table:
     if missing:
         raise ParameterError(
             f"provenance lacks {', '.join(missing)}; only tables that brdftab tabulated can be verified"
+        )
+    if "fit" in made and made["model"] not in models.names():
+        raise ParameterError(
+            f"model = {made['model']} is a sum that a fit predicted; verify repeats tables of one model: fit again"
         )
     if made["model"] not in models.names():
         raise ParameterError.not_known("model", made["model"], models.names())

@@ -8,6 +8,7 @@ from typing import Any
 
 from brdftab.errors import BrdftabError, FileFormatError, ParameterError, proposal
 from brdftab.io.atomic import show
+from brdftab.io.own import own_kind
 from brdftab.models.setup import Setup, resolve
 
 
@@ -25,7 +26,10 @@ def read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
         with open(path, "rb") as file:
             return tomllib.load(file)
     except (OSError, ValueError) as error:
-        if isinstance(error, tomllib.TOMLDecodeError | UnicodeDecodeError):
+        held = own_kind(path)
+        if held or isinstance(error, UnicodeDecodeError):
+            raise FileFormatError(f"{show(path)}: holds {held or 'no text'}; give a TOML file") from error
+        if isinstance(error, tomllib.TOMLDecodeError):
             raise FileFormatError(f"{show(path)}: is not valid TOML ({error}); mend it") from error
         reason = getattr(error, "strerror", None) or str(error)
         raise ParameterError(f"{show(path)}: cannot be opened ({reason}); check the path") from error

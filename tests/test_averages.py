@@ -53,14 +53,39 @@ def test_a_coarse_grazing_cell_holds_its_lobe(alpha, expected):
 
 @pytest.mark.parametrize(("grid", "tolerance"), [("12x12x24", 1e-4), ("45x45x90", 1e-3)])
 def test_rows_of_a_lossless_surface_hold_all_light(grid, tolerance):
-    # measured 2.5e-5 on the finer grid, 1.3e-5 on the coarse one, whose last row is off by 3e-4 where 1e-3 is asked
+    # measured 2.8e-5 on the finer grid, 9e-6 on the coarse one, whose last row is off by 3e-4 where 1e-3 is asked
     table = brdftab.tabulate(
         "kulla-conty", grid, cell="average", dtype="float64", alpha=0.004, tolerance=tolerance, **MIRROR
     )
-    assert np.abs(table_energy(table.grid, table.values) - 1.0).max() < 2e-4
+    assert np.abs(table_energy(table.grid, table.values) - 1.0).max() < 6e-5
     assert table.provenance["error"]["met"]
-    assert table.provenance["error"]["row_energy"]["largest"] < 2e-4
+    assert table.provenance["error"]["row_energy"]["largest"] < 6e-5
     assert np.array_equal(table.values, table.values.transpose(1, 0, 2, 3))
+
+
+def test_what_is_asked_more_of_gets_better():
+    """The budget of points is shared: cells of a narrow lobe asked for 1e-6 are none that nothing is left for."""
+    found = []
+    for tolerance in (1e-3, 1e-6):
+        table = brdftab.tabulate(
+            "kulla-conty", "12x12x24", cell="average", dtype="float64", alpha=0.004, tolerance=tolerance, **MIRROR
+        )
+        assert table.provenance["error"]["met"]
+        found.append(np.abs(table_energy(table.grid, table.values) - 1.0).max())
+    # measured 3.0e-4 and 1.4e-7
+    assert found[0] < 6e-4
+    assert found[1] < 3e-7
+
+
+@pytest.mark.parametrize(("model", "given"), [("smith", {"alpha": 0.3}), ("cook-torrance", {"alpha": 0.3})])
+def test_steep_cells_that_one_node_more_settles(model, given):
+    """Cells that the common nodes leave in doubt, against a product rule of 24 nodes."""
+    setup, grid = resolve(model, **given), Grid.parse("15x15x30", "average")
+    values = np.empty((1, *grid.shape, len(setup.channels)))
+    fill_averages(Engine(setup, 1e-3), grid, 3, 1e-3, np.empty((0, 3), dtype=np.int64), values, None)
+    for cell in [(2, 9, 1), (7, 12, 3), (4, 4, 20), (10, 1, 12), (13, 2, 5)]:
+        # measured 4e-4 at kinks of the masking
+        assert values[(0, *cell)] == pytest.approx(brute(setup, grid, cell, 24), rel=1e-3, abs=1e-9), cell
 
 
 NARROW = [
@@ -114,8 +139,8 @@ def test_a_table_that_misses_its_lobe_is_told():
     engine, none = Engine(setup, 1e-3), np.empty((0, 3), dtype=np.int64)
     values = np.empty((1, *grid.shape, 1))
     fill_averages(engine, grid, 3, 1e-3, none, values, None)
-    # the last row, where masking sets in within .2 degrees, is off by 1e-2
-    assert estimate(setup, grid, values[0], none, 1e-3, 3).largest < 2e-2
+    # measured 3e-4, in the last row, where masking sets in within .2 degrees
+    assert estimate(setup, grid, values[0], none, 1e-3, 3).largest < 1e-3
     lost = values[0].copy()
     lost[tuple(np.argwhere(unresolved(setup, grid)).T)] = 0.0
     judged = estimate(setup, grid, lost, none, 1e-3, 3)
@@ -137,6 +162,8 @@ def test_centres_that_miss_their_lobe_are_told(tmp_path):
     assert "of the light, the albedo is 1" in result.stderr
     table = brdftab.tabulate("smith", "18x20x36", alpha=0.001, **MIRROR)
     assert table.provenance["energy"]["largest"] > 0.5
+    parts = brdftab.tabulate("kulla-conty", "18x20x36", alpha=0.001, components=True, **MIRROR)
+    assert parts.provenance["energy"]["largest"] > 0.5
     rough = brdftab.tabulate("smith", "30x30x60", alpha=0.4, **MIRROR)
     assert rough.provenance["energy"]["largest"] < 0.02
     assert rough.provenance["error"]["met"]

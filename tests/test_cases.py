@@ -68,7 +68,7 @@ def test_command_line_gives_the_value(case):
     assert result.exit_code == 0, result.stderr
     found = json.loads(result.stdout)
     names = ["model", "parameters", "channels", "value", "components", "component_errors", "delta", "error"]
-    assert list(found) == [*names, "run_time_s", "error_time_s"]
+    assert list(found) == [*names, "spectral", "run_time_s", "error_time_s"]
     assert np.allclose(found["value"], case.value, rtol=case.rtol, atol=FLOOR)
     for name, expected in case.parts.items():
         assert np.allclose(found["components"][name], expected, rtol=case.rtol, atol=FLOOR), name

@@ -54,6 +54,7 @@ def test_both_formats_in_one_call(run, tmp_path):
     facts = json.loads(result.stdout)
     assert list(facts) == FACTS
     assert facts["files"] == ["a.exr", "b.npz"]
+    assert facts["wall_time_s"] >= facts["total_time_s"] >= facts["kernel_time_s"] > 0.0
     assert facts["shape"] == [3, 3, 4, 3]
     assert facts["parameters"] == {"ndf": "beckmann", "alpha": 0.5, "material": "Au"}
     assert facts["albedo"]["theta_i_degrees"] == [0.0, 30.0, 60.0, 80.0]
@@ -71,6 +72,9 @@ def test_text_says_what_was_made(run):
     assert "3 theta_i x 3 theta_o x 4 phi" in result.stdout
     for word in ("model", "parameters", "table", "albedo", "left out", "error", "run time", "cells/s", "wrote"):
         assert word in result.stdout
+    kernels, everything = re.search(r"([\d.]+) s in kernels, (-?[\d.]+) s in all", result.stdout).groups()
+    # rounded to milliseconds and to hundredths
+    assert float(everything) >= float(kernels) - 0.006
     assert len(re.findall(r"^albedo +(0|30|60|80) ", result.stdout, re.M)) == 4
     assert os.path.exists("vgroove-sym.exr")
 

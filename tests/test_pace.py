@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from brdftab import models, tabulate
+from brdftab.cli.progress import progress_bar
 from brdftab.engine import Engine
 from brdftab.evaluation import is_stochastic
 from brdftab.models.setup import resolve
@@ -58,10 +59,49 @@ def test_blocks_grow_to_the_time_that_they_may_take(fixed, rate):
     assert seen[0] == fixed + rate * FIRST
 
 
+@pytest.mark.parametrize(("name", "axes"), [("lambert", 3), ("oren-nayar", 3), ("ashikhmin-shirley", 4)])
+def test_tables_of_cheap_models_come_to_long_blocks(name, axes):
+    """Rows of 180 azimuths, and of the 96 views that the first lights of half a square lack, count as blocks."""
+    engine = Engine(resolve(name), 1e-3)
+    engine._pace.measure = lambda pairs, _: setattr(engine._pace, "size", min(4 * pairs, MOST))
+    if axes == 3:
+        theta = np.linspace(0.01, 1.5, 60)
+        engine.fill(theta, theta, np.linspace(0.0, np.pi, 180), np.empty((1, 60, 60, 180, len(engine.setup.channels))))
+    else:
+        both = np.stack(np.meshgrid(np.linspace(0.01, 1.5, 16), np.linspace(0.0, 6.0, 12), indexing="ij"), -1)
+        both = both.reshape(-1, 2)
+        engine.fill_azimuths(both, both, np.empty((1, 192, 192, len(engine.setup.channels))))
+    assert engine._pace.size > 16 * FIRST
+    assert engine.evaluated >= 18000
+
+
 def test_blocks_cover_all():
     pace = Pace()
     covered = np.concatenate([np.arange(5000)[block] for block in pace.blocks(5000)])
     assert np.array_equal(covered, np.arange(5000))
+
+
+def test_the_time_that_is_left_is_that_of_this_attempt(monkeypatch, capsys):
+    """A share that falls is a finer rule's, which starts anew: what earlier rules took says nothing of its pace."""
+
+    class Stepped:
+        now = 0.0
+
+        def __init__(self):
+            self.start = self.now
+
+        @property
+        def seconds(self):
+            return Stepped.now - self.start
+
+    monkeypatch.setattr("brdftab.timing.Clock", Stepped)
+    with progress_bar("tabulating") as report:
+        for Stepped.now, share in ((20.0, 0.5), (35.0, 0.99), (35.1, 0.01), (36.6, 0.02)):
+            report(share)
+    told = capsys.readouterr().err
+    # 1.5 s for 2 %, at the first share of the new attempt's own clock
+    assert told.startswith("brdftab: tabulating takes about 74 s more;")
+    assert len(told.splitlines()) == 1
 
 
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")

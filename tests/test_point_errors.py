@@ -2,9 +2,13 @@
 
 import math
 
+import numpy as np
 import pytest
 
+from brdftab.agreement import least_errors, looser
+from brdftab.bench import reference
 from brdftab.evaluation import EPS, evaluate_point
+from brdftab.grid import Grid
 from brdftab.models.setup import resolve
 
 
@@ -41,3 +45,69 @@ def test_components_state_their_own_errors():
     assert found["error"] < 1e-6
     assert found["run_time_s"] > 0.0
     assert found["error_time_s"] > 0.0
+
+
+def test_components_are_compared_until_each_differs():
+    """Here the total differs before its first orders do, which have the same nodes from 1e-9 to 1e-7 and on."""
+    rules = {1e-7: [1.0, 2.0], 1e-5: [1.0, 2.0 + 3e-6], 1e-3: [1.0 + 4e-5, 2.1], 0.1: [1.1, 2.1], 0.5: [1.1, 2.1]}
+    asked = []
+
+    def evaluate(at, tolerance):
+        asked.append(tolerance)
+        assert at.tolist() == [0]
+        return np.array(rules[min(rules, key=lambda t: abs(t - tolerance))])[None, :, None]
+
+    found = least_errors(np.array([[1.0, 2.0]])[..., None], 1e-9, evaluate)
+    # the first has the same bits up to 1e-5, which is less than the 4e-5 of the next; the second up to 1e-7
+    assert found[0] == pytest.approx([1e-5, 2e-7], rel=1e-9)
+    assert asked == pytest.approx([1e-7, 1e-5, 1e-3])
+    assert list(looser(1e-3)) == pytest.approx([0.1, 0.5])
+
+
+def test_few_wavelengths_are_told_beside_the_error():
+    """Copper's default wavelengths leave up to 1e-5, which no rule in the model's own nodes shows."""
+    few = point("smith", (30.0, 40.0, 100.0), material="Cu", alpha=0.3)
+    all_of_them = point("smith", (30.0, 40.0, 100.0), material="Cu", alpha=0.3, spectral_samples=81)
+    off = np.abs(np.array(few["value"]) - all_of_them["value"]).max() / max(all_of_them["value"])
+    assert few["error"] == EPS
+    assert EPS < off <= 1.1 * few["spectral"]["error_against_5nm"] < 2e-5
+    assert all_of_them["spectral"]["error_against_5nm"] == 0.0
+
+
+@pytest.mark.parametrize(("model", "given"), [("smith-multi", {"estimator": "bdpt"}), ("smith-walk", {})])
+def test_noise_is_stated_of_each_component(model, given):
+    """Estimates of other seeds scatter by the standard errors stated of each order."""
+    white = {"ndf": "ggx", "alpha": 0.8, "material": "mirror", "samples": 4096, **given}
+    runs = [point(model, (55.0, 40.0, 200.0), 0.1, True, seed=s, **white) for s in range(16)]
+    for name in ("order2", "order3", "order4"):
+        values = np.array([run["components"][name][0] for run in runs])
+        stated = np.array([run["component_errors"][name]["absolute"] for run in runs])
+        # 15 degrees of freedom: the standard deviation is known to 18 %
+        assert np.std(values, ddof=1) / np.sqrt(np.mean(stated**2)) == pytest.approx(1.0, abs=0.6)
+        assert stated == pytest.approx(
+            [run["component_errors"][name]["relative"] * run["components"][name][0] for run in runs], rel=1e-6
+        )
+    assert runs[0]["component_errors"]["order1"]["relative"] == EPS
+
+
+def test_references_keep_the_last_gap_that_differs():
+    """The finest rules of this point have the same nodes, and are 2.8e-10 off."""
+    given = {"ndf": "beckmann", "alpha": 1.0, "material": "mirror", "max_bounces": 12}
+    setup = resolve("vgroove-nonsym", **given)
+    angles = {"theta_i": 60.1875, "theta_o": 60.1957, "phi": 160.2965}
+    grid = Grid.from_axes(**{name: np.radians([a]) for name, a in angles.items()}, cell="point")
+    made = reference.converge(setup, grid, 10.0)
+    assert made.uncertainty.max > 2.8e-10
+    closed = reference.converge(resolve("lambert"), grid, 10.0)
+    assert closed.uncertainty.max == reference.ROUNDING
+
+
+def test_a_second_bounce_by_quadrature_states_what_that_leaves():
+    """The quadrature is good to a share of the total, which is 700 times the second order here."""
+    given = {"ndf": "beckmann", "alpha": 0.7, "material": "mirror"}
+    at = (55.43, 80.24, 23.6)
+    found = point("smith-multi", at, 1e-3, True, estimator="hybrid", samples=256, **given)
+    exact = point("smith-multi", at, 1e-9, True, **given)
+    off = abs(found["components"]["order2"][0] - exact["components"]["order2"][0])
+    # 8.9e-8 of 4.7e-7, and 1.7e-7 stated
+    assert 0.1 * exact["components"]["order2"][0] < off < found["component_errors"]["order2"]["absolute"] < 5.0 * off

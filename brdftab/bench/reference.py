@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab import models
+from brdftab.agreement import looser
 from brdftab.bench.measures import NAMES, Measures, all_angles, measure
 from brdftab.bench.methods import filled
 from brdftab.evaluation import is_stochastic, singular
@@ -27,7 +29,7 @@ SEED = 1_000_003
 # what sums of float64 can differ by
 ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
 NAMED = {
-    "direct": "difference between the last two rules, at least the rounding of float64",
+    "direct": "difference between the last two rules that differ, at least the rounding of float64",
     "samples": "standard error of every cell taken as its error; in the albedo as if all had one sign",
 }
 
@@ -82,9 +84,9 @@ def _clocked(work: Callable[[], Any]) -> tuple[Any, float]:
 
 
 def _refined(setup: Setup, grid: Grid, seconds: float, kept: NDArray[np.bool_]) -> Reference:
-    """Go through ever finer direct rules."""
+    """Go through ever finer direct rules; those with the same values say nothing of their error."""
     coarser: Array | None = None
-    gap = Measures(ROUNDING, ROUNDING, ROUNDING, ROUNDING)
+    gap: Measures | None = None
     used = TOLERANCES[0]
     for number, tolerance in enumerate(TOLERANCES):
         kernel = filled(setup, grid, tolerance, fast=False)()
@@ -94,12 +96,30 @@ def _refined(setup: Setup, grid: Grid, seconds: float, kept: NDArray[np.bool_]) 
             values, spent = _clocked(kernel)
         used, values = tolerance, np.array(values, dtype=np.float64)
         if coarser is not None:
-            found = measure(coarser, values, grid, kept)
-            gap = Measures(*(max(getattr(found, name), ROUNDING) for name in NAMES))
-            if spent > seconds or np.array_equal(coarser, values):
+            if not np.array_equal(coarser[kept], values[kept]):
+                gap = _bounded(measure(coarser, values, grid, kept), math.inf)
+            if spent > seconds:
                 break
         coarser = values
-    return Reference(values, gap, {"method": "direct", "tolerance": used, "uncertainty_is": NAMED["direct"]}, kept)
+    made = {"method": "direct", "tolerance": used, "uncertainty_is": NAMED["direct"]}
+    return Reference(values, gap or _supported(setup, grid, values, kept), made, kept)
+
+
+def _bounded(gap: Measures, most: float) -> Measures:
+    """Return measures that are no smaller than rounding and no larger than `most`."""
+    return Measures(*(max(min(getattr(gap, name), most), ROUNDING) for name in NAMES))
+
+
+def _supported(setup: Setup, grid: Grid, values: Array, kept: NDArray[np.bool_]) -> Measures:
+    """Return what looser rules support where the fine ones had the same values; rounding where there are no others."""
+    equal = TOLERANCES[0]
+    for tolerance in looser(equal):
+        kernel = filled(setup, grid, tolerance, fast=False)()
+        other = np.array(kernel(), dtype=np.float64)
+        if not np.array_equal(other[kept], values[kept]):
+            return _bounded(measure(other, values, grid, kept), equal)
+        equal = tolerance
+    return _bounded(Measures(0.0, 0.0, 0.0, 0.0), 0.0)
 
 
 def _sampled(setup: Setup, grid: Grid, seconds: float, kept: NDArray[np.bool_]) -> Reference:

@@ -26,10 +26,14 @@ def progress_bar(what: str, shorter: str = SHORTER) -> Iterator[Callable[[float]
     """
     from brdftab.timing import Clock
 
-    clock, told = Clock(), False
+    clock, told, before = Clock(), False, 0.0
 
     def tell(share: float, echo: Callable[[str], None]) -> None:
-        nonlocal told
+        """Say how long it takes, from the share that is done; a share that falls is a finer rule's, from its start."""
+        nonlocal told, clock, before
+        if share < before:
+            clock = Clock()
+        before = share
         if told or not 0.0 < share < 1.0 or clock.seconds < FIRST:
             return
         remaining = clock.seconds * (1.0 - share) / share

@@ -66,7 +66,8 @@ def evaluate(
     setup = resolve(model, **given_parameters(model, options))
     _tell_compiling(model)
     angles = [math.radians(x) for x in (theta_i, theta_o, phi, phi_i)]
-    result = evaluate_point(setup, *angles, tolerance=tolerance, components=components)
+    with progress_bar("evaluating") as report:
+        result = evaluate_point(setup, *angles, tolerance=tolerance, components=components, progress=report)
     if as_json:
         click.echo(json.dumps(result, indent=2, allow_nan=False))
         return
@@ -84,6 +85,16 @@ def evaluate(
         f"estimated relative error {result['error']:.1e}, run time {result['run_time_s'] * 1e3:.3g} ms, "
         f"and {result['error_time_s'] * 1e3:.3g} ms for the error"
     )
+    spectrum = _spectrum(result["spectral"])
+    if spectrum:
+        click.echo(f"beside it: {spectrum}")
+
+
+def _spectrum(made: dict[str, Any] | None) -> str:
+    """Say what few wavelengths leave; nothing where there are none, or all."""
+    if not made or made["error_against_5nm"] == 0.0:
+        return ""
+    return f"{len(made['wavelengths_nm'])} wavelengths, error {made['error_against_5nm']:.0e} against 5 nm steps"
 
 
 # rows of centres that are further from the albedo than this are told
@@ -250,12 +261,9 @@ def _summary(table: Table, paths: tuple[str, ...], wall: float, as_json: bool) -
             click.echo(f"components   {' '.join(table.components)}")
         for angle, values in zip(albedo["theta_i_degrees"], albedo["values"], strict=True):
             click.echo(f"albedo {angle:>4g}  " + "  ".join(f"{v:.5f}" for v in values))
-        spectral = made["spectral"]
-        if spectral and spectral["error_against_5nm"] > 0.0:
-            count = len(spectral["wavelengths_nm"])
-            click.echo(
-                f"spectrum     {count} wavelengths, error {spectral['error_against_5nm']:.0e} against 5 nm steps"
-            )
+        spectrum = _spectrum(made["spectral"])
+        if spectrum:
+            click.echo(f"spectrum     {spectrum}")
         if made["delta"]:
             for angle, values in zip(made["delta"]["theta_i_degrees"], made["delta"]["reflectance"], strict=True):
                 click.echo(f"mirrored {angle:>2g}  " + "  ".join(f"{v:.5f}" for v in values))
@@ -270,7 +278,7 @@ def _summary(table: Table, paths: tuple[str, ...], wall: float, as_json: bool) -
             )
         click.echo(f"error        {error['estimate']:.1e} estimated (95 % of cells below {error['p95']:.1e})")
         click.echo(
-            f"run time     {made['kernel_time_s']:.3f} s in kernels, {wall - made['compile_time_s']:.2f} s in all, "
+            f"run time     {made['kernel_time_s']:.3f} s in kernels, {wall:.2f} s in all, "
             f"{made['cells_per_s']:.3g} cells/s; {made['compile_time_s']:.2f} s more to compile or load kernels"
         )
         for path in paths:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from brdftab.errors import BrdftabError, FileFormatError, ParameterError
 from brdftab.io.atomic import atomic, check_target, show
+from brdftab.io.own import own_kind
 
 if TYPE_CHECKING:
     from brdftab.measurement import Measurement
@@ -63,7 +64,7 @@ def read(path: str | os.PathLike[str]) -> Table | Measurement:
     try:
         return reader(path)
     except FileFormatError as error:
-        raise FileFormatError(f"{show(path)}: {error}; {remedy}") from error
+        raise FileFormatError(f"{show(path)}: {_own(path) or f'{error}; {remedy}'}") from error
     except MemoryError as error:
         raise BrdftabError(f"{show(path)}: the file does not fit into memory; use a machine with more") from error
     except OSError as error:
@@ -151,4 +152,11 @@ def _reader(path: Path) -> tuple[Callable[[Path], Table | Measurement], str]:
         return merl.read, _REMEDY_MEASURED
     unknown = "neither EXR nor NPZ, and no MERL or RGL measurement"
     known = next((name for start, name in _FOREIGN.items() if magic.startswith(start)), unknown)
-    raise FileFormatError(f"{show(path)}: not a brdftab table, it is {known}; {_REMEDY}")
+    said = _own(path) or f"not a brdftab table, it is {known}; {_REMEDY}"
+    raise FileFormatError(f"{show(path)}: {said}")
+
+
+def _own(path: Path) -> str:
+    """Say what another file of this tool holds, or nothing."""
+    held = own_kind(path)
+    return f"holds no table of values but {held}" if held else ""

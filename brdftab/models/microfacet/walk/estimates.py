@@ -39,12 +39,15 @@ class Estimates:
         1/sr, by component: (N, P, C) at points, (P, *shape, C) on a grid.
     standard_error : ndarray (..., C)
         Standard error of the mean of the sum over all components, a channel.
+    component_errors : ndarray
+        Standard error of the mean of each component, shape of `values`, with what a quadrature leaves of known ones.
     samples : ndarray (...) of int
         Paths drawn.
     """
 
     values: Array
     standard_error: Array
+    component_errors: Array
     samples: Whole
 
 
@@ -92,34 +95,43 @@ def _tasks(offsets: Whole, first: int, last: int) -> Whole:
 def _round(
     draw: Draw, rows: Rows, active: NDArray[np.bool_], first: int, last: int, sums: Array, squares: Array
 ) -> None:
-    """Draw paths `first` to `last` for the active cells and add them to sums (P, M, W) and squares (M, C)."""
+    """Draw paths `first` to `last` for the active cells and add them to sums (P, M, W) and squares (Q, M, C)."""
     counts = np.add.reduceat(active, rows.offsets[:-1], dtype=np.int64)
     kept = np.flatnonzero(counts)
     cells = np.flatnonzero(active)
     offsets = np.concatenate([[0], np.cumsum(counts[kept])])
     lights, identities, views = rows.lights[kept], rows.identities[kept], rows.views[cells]
     layers, _, size = sums.shape
-    groups = max(1, _ROOM // (cells.size * (layers * size + squares.shape[-1])))
+    kept, _, channels = squares.shape
+    groups = max(1, _ROOM // (cells.size * (layers * size + kept * channels)))
     for start in range(first, last, GROUP * groups):
         tasks = _tasks(offsets, start, min(start + GROUP * groups, last))
         slots = int(tasks[-1, 5]) + 1
         drawn = np.zeros((slots, layers, cells.size, size))
-        square = np.zeros((slots, cells.size, squares.shape[-1]))
+        square = np.zeros((slots, kept, cells.size, channels))
         draw(tasks, lights, identities, views, drawn, square)
         for slot in range(slots):
             sums[:, cells] += drawn[slot]
-            squares[cells] += square[slot]
+            squares[:, cells] += square[slot]
+
+
+def _kept(layers: int) -> int:
+    """Return how many sums of squares are kept: of the total, and of each component if there are several."""
+    return 1 if layers == 1 else 1 + layers
 
 
 def _batch(
     draw: Draw, rows: Rows, layers: int, weights: Array, samples: int | None, tolerance: float, done: Progress
 ) -> tuple[Array, Array, Whole]:
-    """Estimate one batch of rows through all its rounds; returns values (M, P, C), their errors (M, C), counts (M,)."""
+    """Estimate one batch of rows through all its rounds.
+
+    Returns values (M, P, C), errors (Q, M, C) of the total and, if there are several, of each component, counts (M,).
+    """
     cells, channels = len(rows.views), weights.shape[1]
     known = rows.known(slice(0, cells))
     # what has no layer of its own goes to the last one
     known = np.concatenate([known[:, : layers - 1], known[:, layers - 1 :].sum(axis=1, keepdims=True)], axis=1)
-    sums, squares = np.zeros((layers, cells, len(weights))), np.zeros((cells, channels))
+    sums, squares = np.zeros((layers, cells, len(weights))), np.zeros((_kept(layers), cells, channels))
     count = np.zeros(cells, dtype=np.int64)
     active = np.ones(cells, dtype=np.bool_)
     first, last = 0, FIRST_ROUND if samples is None else samples
@@ -127,7 +139,9 @@ def _batch(
         _round(draw, rows, active, first, last, sums, squares)
         count[active] = last
         values = np.einsum("pmw,wc->mpc", sums, weights) / count[:, None, None]
-        mean = values.sum(axis=1)
+        mean = values.sum(axis=1)[None]
+        if len(squares) > 1:
+            mean = np.concatenate([mean, values.transpose(1, 0, 2)])
         # of a single path nothing but its size is known
         spread = np.maximum(squares / count[:, None] - (mean * mean if last > 1 else 0.0), 0.0)
         error = np.sqrt(spread / np.maximum(count - 1, 1)[:, None])
@@ -135,7 +149,7 @@ def _batch(
         if samples is not None or last >= MOST_PATHS:
             return values, error, count
         scale = np.maximum(np.abs(values.sum(axis=1)).max(axis=1), FLOOR)
-        active = error.max(axis=1) > tolerance * scale
+        active = error[0].max(axis=1) > tolerance * scale
         if not active.any():
             return values, error, count
         done(min(1.0, last / MOST_PATHS))
@@ -187,12 +201,12 @@ def estimate(
     Returns
     -------
     Estimates
-        values (M, P, C), standard_error (M, C), samples (M,).
+        values (M, P, C), standard_error (M, C), component_errors (M, P, C), samples (M,).
     """
-    cells, channels = len(rows.views), weights.shape[1]
-    values, error = np.empty((cells, layers, channels)), np.empty((cells, channels))
+    cells, channels, kept = len(rows.views), weights.shape[1], _kept(layers)
+    values, error = np.empty((cells, layers, channels)), np.empty((kept, cells, channels))
     count = np.empty(cells, dtype=np.int64)
-    most = max(1, _ROOM // (layers * len(weights) + channels))
+    most = max(1, _ROOM // (layers * len(weights) + kept * channels))
     low, total = 0, len(rows.lights)
     while low < total:
         high = int(np.searchsorted(rows.offsets, rows.offsets[low] + max(most, 1), side="right")) - 1
@@ -205,7 +219,8 @@ def estimate(
             if progress is not None:
                 progress((a + share * (b - a)) / cells)
 
-        values[a:b], error[a:b], count[a:b] = _batch(draw, part, layers, weights, samples, tolerance, done)
+        values[a:b], error[:, a:b], count[a:b] = _batch(draw, part, layers, weights, samples, tolerance, done)
         done(1.0)
         low = high
-    return Estimates(values, error, count)
+    # a single component is the total
+    return Estimates(values, error[0], error[-layers:].transpose(1, 0, 2), count)

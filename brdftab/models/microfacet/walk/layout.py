@@ -83,18 +83,22 @@ class Layout:
         layers, channels = found.values.shape[1:]
         grid = (len(self.incoming), len(self.outgoing), len(self.phi))
         values, error = np.empty((layers, *grid, channels)), np.empty((*grid, channels))
+        parts = np.empty_like(values)
         samples = np.empty(grid, dtype=np.int64)
         if self.square:
             factor = np.ones(1) if swap is None else swap
             values[:, column, row, step] = found.values.transpose(1, 0, 2) * factor[:, None]
             error[column, row, step] = found.standard_error * factor[:, None]
+            parts[:, column, row, step] = found.component_errors.transpose(1, 0, 2) * factor[:, None]
             samples[column, row, step] = found.samples
         values[:, row, column, step] = found.values.transpose(1, 0, 2)
         error[row, column, step] = found.standard_error
+        parts[:, row, column, step] = found.component_errors.transpose(1, 0, 2)
         samples[row, column, step] = found.samples
         return Estimates(
             values.reshape(layers, *self.shape, channels),
             error.reshape(*self.shape, channels),
+            parts.reshape(layers, *self.shape, channels),
             samples.reshape(self.shape),
         )
 

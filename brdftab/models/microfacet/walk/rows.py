@@ -66,8 +66,9 @@ def serve(
 ):  # fmt: skip
     """Draw the paths of one task and add them up, see `draw`."""
     layers, count, size = sums.shape
+    kept = squares.shape[0] - 1
     vertices, throughput = np.empty((most, COLUMNS)), np.empty((most, size))
-    value, cosine, row, path = np.empty(count), np.empty(count), np.empty(size), np.empty((count, size))
+    value, cosine, row, path = np.empty(count), np.empty(count), np.empty(size), np.empty((1 + kept, count, size))
     for number in range(task[FIRST], task[LAST]):
         met = reflections(
             ndf, alpha_x, alpha_y, light[0], light[1], light[2], (kind, fa, fb, table), heights, limit, most,
@@ -75,15 +76,22 @@ def serve(
         )  # fmt: skip
         if met < least:
             continue
-        path[:] = 0.0
+        # layers that this path adds to
+        low, high = min(least, kept), min(met, kept)
+        path[0] = 0.0
+        path[low : high + 1] = 0.0
         for k in range(least - 1, met):
-            layer = sums[min(k, layers - 1)]
+            at = min(k, layers - 1)
+            layer, part = sums[at], path[min(1 + at, kept)]
             _send(ndf, alpha_x, alpha_y, heights, vertices[k], views, value, cosine)
             if kind == 0 and size == 1:
                 for j in range(count):
                     value[j] *= throughput[k, 0]
-                    path[j, 0] += value[j]
+                    path[0, j, 0] += value[j]
                     layer[j, 0] += value[j]
+                if kept > 0:
+                    for j in range(count):
+                        part[j, 0] += value[j]
                 continue
             for j in range(count):
                 if value[j] <= 0.0:
@@ -92,9 +100,13 @@ def serve(
                     row[w] = value[j] * throughput[k, w]
                 multiply(kind, fa, fb, table, cosine[j], row)
                 for w in range(size):
-                    path[j, w] += row[w]
+                    path[0, j, w] += row[w]
                     layer[j, w] += row[w]
-        add_squares(path, weights, squares)
+                    if kept > 0:
+                        part[j, w] += row[w]
+        add_squares(path[0], weights, squares[0])
+        for p in range(max(low, 1), high + 1):
+            add_squares(path[p], weights, squares[p])
 
 
 @parallel_kernel
@@ -122,9 +134,9 @@ def draw(
         Unit vector towards the view, factor of its segment, Lambda.
     weights : ndarray (W, C)
         Projection to channels.
-    sums : ndarray (S, P, M, W), squares : ndarray (S, M, C)
+    sums : ndarray (S, P, M, W), squares : ndarray (S, 1 or 1 + P, M, C)
         Added to: the sums over paths by order, order p + 1 in layer p and the rest in the last one, and the sums of
-        squares of their total; S slots.
+        squares of their total, then, where there is room for them, of each layer; S slots.
     """
     for n in numba.prange(tasks.shape[0]):
         task = tasks[n]
@@ -132,5 +144,5 @@ def draw(
         serve(
             ndf, alpha_x, alpha_y, kind, fa, fb, table, heights, limit, least, most, seed,
             task, lights[row], identities[row], views[low:high], weights,
-            sums[slot, :, low:high], squares[slot, low:high],
+            sums[slot, :, low:high], squares[slot, :, low:high],
         )  # fmt: skip

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,8 @@ class Road:
         True where one walk serves all views of a row.
     below : float
         Index below the surface if light passes, else 0.
+    left : float
+        What a quadrature leaves of the second known component, over the largest channel of all; 0 where all are exact.
     """
 
     draw: Draw
@@ -42,6 +44,7 @@ class Road:
     known: Callable[[Array, Array, Array, Array], Array]
     shared: bool
     below: float = 0.0
+    left: float = 0.0
 
 
 def layers(setup: Setup, orders: int) -> int:
@@ -59,6 +62,19 @@ def _rows(road: Road, angles: tuple[Array, ...], lights: Array, identities: Whol
     return Rows(lights, identities, views, offsets, lambda some: road.known(*(a[some] for a in angles)))
 
 
+def _estimate(
+    setup: Setup, road: Road, rows: Rows, orders: int, tolerance: float, progress: Progress | None = None
+) -> Estimates:
+    """Draw a road's cells; the error of its second component holds what its quadrature leaves beside the noise."""
+    count = layers(setup, orders)
+    found = estimate(road.draw, rows, count, road.weights, setup.values["samples"], tolerance, progress)
+    if road.left == 0.0 or count == 1:
+        return found
+    errors = found.component_errors.copy()
+    errors[:, 1] = np.hypot(errors[:, 1], road.left * np.abs(found.values.sum(axis=1)).max(axis=1, keepdims=True))
+    return replace(found, component_errors=errors)
+
+
 def _joined(parts: list[Estimates]) -> Estimates:
     """Return estimates of one channel each as one."""
     if len(parts) == 1:
@@ -66,6 +82,7 @@ def _joined(parts: list[Estimates]) -> Estimates:
     return Estimates(
         np.concatenate([p.values for p in parts], axis=-1),
         np.concatenate([p.standard_error for p in parts], axis=-1),
+        np.concatenate([p.component_errors for p in parts], axis=-1),
         np.max([p.samples for p in parts], axis=0),
     )
 
@@ -92,14 +109,8 @@ def at_points(setup: Setup, roads: list[Road], angles: tuple[Array, ...], orders
     index = np.arange(len(theta_i) + 1, dtype=np.int64)
     lights = vectors(theta_i, phi_i)
     return _joined(
-        [
-            estimate(
-                road.draw, _rows(road, angles, lights, index[:-1], index), layers(setup, orders), road.weights,
-                setup.values["samples"], tolerance,
-            )
-            for road in roads
-        ]
-    )  # fmt: skip
+        [_estimate(setup, road, _rows(road, angles, lights, index[:-1], index), orders, tolerance) for road in roads]
+    )
 
 
 def on_grid(
@@ -127,9 +138,7 @@ def on_grid(
             if progress is not None:
                 progress((number + share) / len(roads))
 
-        found = estimate(
-            road.draw, rows, layers(setup, orders), road.weights, setup.values["samples"], tolerance, report
-        )
+        found = _estimate(setup, road, rows, orders, tolerance, report)
         swap = None
         if road.below:
             swap = np.where(angles[0] < 0.5 * np.pi, 1.0, road.below**2)

@@ -39,8 +39,8 @@ def _serve(
     first, last, light, identity, views, sums, squares,
 ):  # fmt: skip
     """Draw paths `first` to `last` of one row and send light to its views."""
-    layers, count = sums.shape[0], views.shape[0]
-    vertices, throughput, path = np.empty((most, COLUMNS)), np.empty((most, 1)), np.empty(count)
+    layers, count, kept = sums.shape[0], views.shape[0], squares.shape[0] - 1
+    vertices, throughput, path = np.empty((most, COLUMNS)), np.empty((most, 1)), np.empty((1 + kept, count))
     for number in range(first, last):
         met = refractions(
             ndf, alpha_x, alpha_y, light[0], light[1], light[2], n, heights, limit, most,
@@ -63,10 +63,13 @@ def _serve(
                 value *= factor * views[j, 3]
                 if heights:
                     value *= math.exp((level if (oz > 0.0) == (side > 0.0) else level_across) * views[j, 4])
-                path[j] += value
+                path[0, j] += value
                 sums[layer, j, 0] += value
-        for j in range(count):
-            squares[j, 0] += path[j] * path[j]
+                if kept > 0:
+                    path[1 + layer, j] += value
+        for p in range(1 + kept):
+            for j in range(count):
+                squares[p, j, 0] += path[p, j] * path[p, j]
 
 
 @parallel_kernel
@@ -77,7 +80,7 @@ def _draw(ndf, alpha_x, alpha_y, n, heights, limit, least, most, seed, tasks, li
         row, low, high, slot = task[ROW], task[LOW], task[HIGH], task[SLOT]
         _serve(
             ndf, alpha_x, alpha_y, n, heights, limit, least, most, seed, task[FIRST], task[LAST],
-            lights[row], identities[row], views[low:high], sums[slot, :, low:high], squares[slot, low:high],
+            lights[row], identities[row], views[low:high], sums[slot, :, low:high], squares[slot, :, low:high],
         )  # fmt: skip
 
 

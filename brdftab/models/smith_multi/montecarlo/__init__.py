@@ -45,7 +45,7 @@ def estimates(
     Returns
     -------
     Estimates
-        values (N, P, C) in 1/sr, standard_error (N, C), samples (N,).
+        values (N, P, C) in 1/sr, standard_error (N, C), component_errors (N, P, C), samples (N,).
     """
     return at_points(setup, _roads(setup, tolerance), (theta_i, theta_o, phi, phi_i), orders, tolerance)
 
@@ -82,7 +82,7 @@ def estimate_table(
     Returns
     -------
     Estimates
-        values (P, *shape, C) in 1/sr, standard_error (*shape, C), samples (*shape).
+        values (P, *shape, C) in 1/sr, standard_error (*shape, C), component_errors as values, samples (*shape).
     """
     return on_grid(setup, _roads(setup, tolerance), axes, orders, tolerance, progress)
 

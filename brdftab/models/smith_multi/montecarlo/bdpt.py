@@ -83,8 +83,8 @@ def _walk(ndf, alpha_x, alpha_y, x, y, z, kind, fa, fb, table, limit, most, seed
 
 @kernel
 def _connect(ndf, alpha_x, alpha_y, one, other, lengths, products, kind, fa, fb, table, least, most, path, sums):
-    """Add every connection of two walks to path (W,) and to sums (P, W)."""
-    size = path.size
+    """Add every connection of two walks to path (1 or 1 + P, W), all and by layer, and to sums (P, W)."""
+    size, kept = path.shape[1], path.shape[0] - 1
     row = np.empty(size)
     for i in range(lengths[0]):
         ix, iy, iz, weight = one[i, X], one[i, Y], one[i, Z], one[i, WEIGHT]
@@ -101,8 +101,10 @@ def _connect(ndf, alpha_x, alpha_y, one, other, lengths, products, kind, fa, fb,
                 multiply(kind, fa, fb, table, 0.5 * math.sqrt(hx * hx + hy * hy + hz * hz), row)
             layer = min(i + j, sums.shape[0] - 1)
             for w in range(size):
-                path[w] += row[w]
+                path[0, w] += row[w]
                 sums[layer, w] += row[w]
+                if kept > 0:
+                    path[1 + layer, w] += row[w]
 
 
 @kernel
@@ -113,7 +115,7 @@ def _serve(
     """Draw paths `first` to `last` of one cell."""
     size = weights.shape[0]
     one, other, products = np.empty((most, _COLUMNS)), np.empty((most, _COLUMNS)), np.empty((2, most, size))
-    path = np.empty((1, size))
+    path = np.empty((squares.shape[0], size))
     lengths = np.empty(2, dtype=np.int64)
     for number in range(first, last):
         lengths[0] = _walk(
@@ -125,7 +127,7 @@ def _serve(
             seed, identity, number, _SECOND, other, products[1],
         )  # fmt: skip
         path[:] = 0.0
-        _connect(ndf, alpha_x, alpha_y, one, other, lengths, products, kind, fa, fb, table, least, most, path[0], sums)
+        _connect(ndf, alpha_x, alpha_y, one, other, lengths, products, kind, fa, fb, table, least, most, path, sums)
         add_squares(path, weights, squares)
 
 
@@ -141,7 +143,7 @@ def _draw(
             _serve(
                 ndf, alpha_x, alpha_y, kind, fa, fb, table, limit, least, most, seed,
                 first, last, lights[row], identities[row], views[cell], weights,
-                sums[slot, :, cell], squares[slot, cell : cell + 1],
+                sums[slot, :, cell], squares[slot, :, cell],
             )  # fmt: skip
 
 

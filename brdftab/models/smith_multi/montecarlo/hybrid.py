@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,4 +37,4 @@ def roads(setup: Setup, tolerance: float) -> list[Road]:
         second_bounces(setup.ndf, setup.alpha_x, setup.alpha_y, i, o, *term, floor, asked, second)
         return np.concatenate([first, (second @ fresnel.weights)[:, None]], axis=1)
 
-    return [bdpt.road(setup, tolerance, 3, known)]
+    return [replace(bdpt.road(setup, tolerance, 3, known), left=asked)]
