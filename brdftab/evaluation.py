@@ -118,7 +118,8 @@ def evaluate_setup(
     """Evaluate a checked setup; returns (..., P, C), P = 1 for orders = 0. Raises as `evaluate`."""
     angles = _directions(theta_i, theta_o, phi, phi_i)
     shape = angles[0].shape
-    flat = [np.ascontiguousarray(a).reshape(-1) for a in angles]
+    # copies, for views of broadcast arrays are of another type to kernels
+    flat = [a.flatten() for a in angles]
     bad = singular(setup, *flat)
     if bad.any():
         at = int(np.argmax(bad))
