@@ -304,7 +304,7 @@ def _spreads(
     stated = np.zeros(len(whole))
     for wanted in finer:
         stated = np.abs(parts(wanted) - whole).max(axis=-1)
-    # an infinite scale lets the difference to a looser rule count alone
+    # an infinite scale lets the difference to a rule count alone that is looser in every part of it
     scale = None if finer else np.full((1, len(whole)), math.inf)
     least = least_errors(whole[None], served, lambda _, wanted: parts(wanted)[None], scale=scale)[0]
     stated = np.maximum(stated, least)

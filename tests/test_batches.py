@@ -1,8 +1,11 @@
 """Values of a point do not depend on its neighbours: batches of every model are shuffled and split."""
 
+import warnings
+
 import numpy as np
 import pytest
 
+import brdftab
 from brdftab import models
 from brdftab.evaluation import is_stochastic
 from brdftab.models.setup import resolve
@@ -66,3 +69,11 @@ def test_values_do_not_depend_on_their_neighbours(name, parameters):
     for some in (order, order[:4], order[4:], order[:1], order[-1:]):
         again, more = evaluated(setup, angles[some])
         assert (np.abs(again - values[some]) <= allowed[some] + more).all()
+
+
+@pytest.mark.parametrize("name", models.names())
+def test_single_directions_raise_no_warning(name):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        value = brdftab.evaluate(name, 0.3, 0.7, 2.0, tolerance=TOLERANCE)
+    assert np.isfinite(value).all()
