@@ -38,6 +38,12 @@ def is_stochastic(setup: Setup) -> bool:
     return hasattr(module, "stochastic") and bool(module.stochastic(setup))
 
 
+def finest_tolerance(setup: Setup) -> float:
+    """Return the tolerance of the finest rule of a setup's model: tighter ones are served by the same rule."""
+    finest = getattr(models.kernel(setup.model.name), "finest", None)
+    return 0.0 if finest is None else float(finest(setup))
+
+
 def _directions(theta_i: ArrayLike, theta_o: ArrayLike, phi: ArrayLike, phi_i: ArrayLike) -> list[Array]:
     """Broadcast four angles, check them, and return them with their common shape."""
     try:
@@ -112,7 +118,8 @@ def evaluate_setup(
     """Evaluate a checked setup; returns (..., P, C), P = 1 for orders = 0. Raises as `evaluate`."""
     angles = _directions(theta_i, theta_o, phi, phi_i)
     shape = angles[0].shape
-    flat = [np.ascontiguousarray(a).reshape(-1) for a in angles]
+    # copies, for views of broadcast arrays are of another type to kernels
+    flat = [a.flatten() for a in angles]
     bad = singular(setup, *flat)
     if bad.any():
         at = int(np.argmax(bad))
@@ -194,8 +201,9 @@ def evaluate_point(
 
     The value is compared with those at a hundredth of the tolerance and at looser ones, up to the first that differs:
     the error is the difference to the finer one, but no less than what the looser ones support (`least_errors`),
-    relative to the largest channel, plus the rounding of float64. Of an estimate with noise it is the standard error
-    instead. `progress` is called with the finished share of what the value is compared with.
+    relative to the largest channel, plus the rounding of float64. Where the model's finest rule is asked, none is finer
+    and the error is the difference to the looser one. Of an estimate with noise it is the standard error instead.
+    `progress` is called with the finished share of what the value is compared with.
 
     Returns
     -------
@@ -273,9 +281,14 @@ def _spreads(
 ) -> tuple[float, Array]:
     """Return the absolute errors to state of the total and of the components (P, C), without rounding.
 
-    The difference to the finer rule, but no less than what looser rules support.
+    The difference to the finer rule, but no less than what looser rules support; where none is finer, the difference to
+    the first looser one that differs.
     """
-    steps = [max(FINER * tolerance, 1e-14), *looser(tolerance)]
+    # rules finer than the finest would be made again in vain
+    finest = finest_tolerance(setup)
+    served = max(tolerance, finest)
+    finer = [max(FINER * served, finest, 1e-14)] if served > finest else []
+    steps = [*finer, *looser(served)]
     done = 0
 
     def parts(wanted: float) -> Array:
@@ -288,9 +301,13 @@ def _spreads(
         return np.concatenate([found, found.sum(axis=0, keepdims=True)])
 
     whole = np.concatenate([values, values.sum(axis=0, keepdims=True)])
-    difference = np.abs(parts(steps[0]) - whole).max(axis=-1)
-    least = least_errors(whole[None], tolerance, lambda _, wanted: parts(wanted)[None])[0]
-    stated = np.maximum(difference, least)
+    stated = np.zeros(len(whole))
+    for wanted in finer:
+        stated = np.abs(parts(wanted) - whole).max(axis=-1)
+    # an infinite scale lets the difference to a rule count alone that is looser in every part of it
+    scale = None if finer else np.full((1, len(whole)), math.inf)
+    least = least_errors(whole[None], served, lambda _, wanted: parts(wanted)[None], scale=scale)[0]
+    stated = np.maximum(stated, least)
     return float(stated[-1]), stated[:-1]
 
 

@@ -203,7 +203,7 @@ def pdf(
     setup = resolve(model, **parameters)
     flat = np.broadcast_arrays(*arrays.values())
     shape = flat[0].shape
-    ti, to, dphi, pi_ = (np.ascontiguousarray(a).reshape(-1) for a in flat)
+    ti, to, dphi, pi_ = (a.flatten() for a in flat)
     if setup.transmits:
         above = (np.abs(np.cos(ti)) > HORIZON) & (np.abs(np.cos(to)) > HORIZON)
     else:

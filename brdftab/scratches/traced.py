@@ -237,7 +237,7 @@ class Scratch(SeveralArrays):
 def _flat(*angles: ArrayLike) -> tuple[tuple[int, ...], list[Array]]:
     """Return the broadcast shape of angles, and each as a row."""
     every = np.broadcast_arrays(*(np.asarray(a, dtype=np.float64) for a in angles))
-    return every[0].shape, [np.ascontiguousarray(a).reshape(-1) for a in every]
+    return every[0].shape, [a.flatten() for a in every]
 
 
 def material_of(material: dict[str, Any]) -> Fresnel:

@@ -74,3 +74,8 @@ def estimates(setup: Setup, *angles: np.ndarray, orders: int, tolerance: float) 
 def estimate_table(setup: Setup, axes: dict[str, np.ndarray], **options: Any) -> Any:
     """Return values with standard errors on a product grid, see `montecarlo.estimate_table`."""
     return _road(setup).estimate_table(setup, axes, **options)
+
+
+def finest(setup: Setup) -> float:
+    """Return the tolerance of the solver's finest rule; tighter ones are served by the same."""
+    return float(_road(setup).FINEST)

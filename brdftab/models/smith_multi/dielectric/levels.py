@@ -59,14 +59,26 @@ LEVELS = (
 )
 # smoother surfaces take more modes, up to MORE times as many
 ROUGH, MORE = 0.5, 6.0
+# finest level of the bounces from three on between listed pairs, and of all that is solved
+FURTHER, FINEST = 1e-5, LEVELS[-1][0]
 
 
 def level(tolerance: float, alpha: float) -> Level:
     """Return the resolution for a relative error; the finest one below 1e-6."""
-    found = next((found for least, found in LEVELS if tolerance >= least), LEVELS[-1][1])
+    # 100 times 1e-6 is less than 1e-4 by rounding
+    found = next((found for least, found in LEVELS if tolerance >= (1.0 - 1e-9) * least), LEVELS[-1][1])
     more = max(ROUGH / alpha, 1.0)
     # the tails between narrow lobes fall like a power of alpha against their peaks
     return replace(found, modes=int(found.modes * min(more**0.75, MORE)), reach=found.reach + 3.0 * math.log(more))
+
+
+def further(tolerance: float, alpha: float) -> Level:
+    """Return the resolution of the bounces from three on, where two are resolved for a relative error.
+
+    Two bounces need one sum over states and are as good as their azimuth modes; more of them need the kernels between
+    all states, weigh less, and are solved at `FURTHER` at best: 3e-6 of them are left, no more than a level above.
+    """
+    return level(max(tolerance, FURTHER), alpha)
 
 
 def energy_levels(tolerance: float, alpha: float) -> tuple[Level, Level]:

@@ -72,7 +72,7 @@ def _lagrange(nodes: Array, x: Array) -> Array:
     return basis
 
 
-def _chebyshev(low: float, high: float, count: int) -> Array:
+def chebyshev(low: float, high: float, count: int) -> Array:
     """Return Chebyshev nodes on (low, high), increasing."""
     x = -np.cos(math.pi * (np.arange(count) + 0.5) / count)
     return 0.5 * (low + high) + 0.5 * (high - low) * x
@@ -113,7 +113,7 @@ def solve(system: System, lights: Index, views: Index, layers: int, most: float)
         if stop - start <= level.octave:
             orders = np.arange(start, stop, dtype=np.float64)
         else:
-            orders = _chebyshev(start - 0.5, stop - 0.5, level.octave)
+            orders = chebyshev(start - 0.5, stop - 0.5, level.octave)
         matrices, weights, kept = system.high(orders)
         # numbers among the kept directions of the lights and views that are kept
         mine, theirs = (np.flatnonzero(np.isin(some, kept)) for some in (lights, views))

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +17,17 @@ from brdftab.errors import ParameterError
 from brdftab.models.microfacet.project import unit_gauss
 from brdftab.models.smith_multi.dielectric.levels import Level
 from brdftab.models.smith_multi.dielectric.modes import ABOVE, BELOW, THROUGH, integrate, largest, lobes
-from brdftab.models.smith_multi.dielectric.states import build, one_sided
+from brdftab.models.smith_multi.dielectric.states import LOWEST, build, one_sided, panel_edges
 
 Array = NDArray[np.float64]
-States = tuple[Array, Array, NDArray[np.int64]]
+Index = NDArray[np.int64]
+States = tuple[Array, Array, Index]
+Block = Callable[[int, States, States], Array]
 # bytes of matrices held at a time, and the most that any tolerance may take
 CHUNK, MOST = 1 << 28, 1 << 33
 SWEEPS = 60
+# orders up to this one are always summed: those that have a name as components, and one that stands for the rest
+NAMED = 10
 
 
 @dataclass(frozen=True)
@@ -74,6 +77,8 @@ class System:
         Index below, 0 Beckmann or 1 GGX, roughness, resolution.
     extra : ndarray, optional
         p where panels shall end, too.
+    lowest : float, optional
+        Elevation down to which panels become finer; that of the lowest direction if None.
 
     Raises
     ------
@@ -82,15 +87,26 @@ class System:
     """
 
     def __init__(
-        self, theta: Array, n: float, ndf: int, alpha: float, level: Level, extra: Array | None = None
+        self,
+        theta: Array,
+        n: float,
+        ndf: int,
+        alpha: float,
+        level: Level,
+        extra: Array | None = None,
+        lowest: float | None = None,
     ) -> None:
         self.n, self.ndf, self.alpha, self.level = n, ndf, alpha, level
         self.surface = ndf, alpha, n
         self.views = directions(theta, n)
-        edges = self.views.p if extra is None else np.concatenate([self.views.p, extra])
-        self.above, self.below = build(edges, self.views.p.size, n, ndf, alpha, level)
+        required = self.views.p if extra is None else np.concatenate([self.views.p, extra])
+        if lowest is None:
+            # the azimuth modes of grazing light vary on the scale of its elevation, but not for ever
+            lowest = max(float(np.abs(self.views.p).min()), LOWEST)
+        self.edges = panel_edges(required, lowest, n, alpha, level)
+        self.above, self.below = build(self.edges[:-1], self.edges[1:], n, ndf, alpha, level)
         self.factors = one_sided(level.nodes)
-        limits = [self._mode_limit(self.views.p, self.views.s, below) for below in (False, True)]
+        limits = [self.mode_limit(self.views.p, self.views.s, below) for below in (False, True)]
         self.limits = np.where(self.views.below, limits[1], limits[0])
         self.gauss = np.ascontiguousarray(unit_gauss(level.azimuths))
         states = self.above.p.size + self.below.p.size
@@ -107,7 +123,7 @@ class System:
         for first in range(start, stop, size):
             yield first, min(size, stop - first)
 
-    def _low(self, start: int, count: int) -> Callable[..., Array]:
+    def low(self, start: int, count: int) -> Block:
         """Return the function that makes blocks of modes start .. start + count - 1."""
 
         def block(kind: int, a: States, b: States) -> Array:
@@ -118,53 +134,46 @@ class System:
 
         return block
 
-    def _states(self) -> list[States]:
-        return [(side.p, side.s, side.panel) for side in (self.above, self.below)]
-
-    def rows(self, start: int, count: int) -> tuple[Array, Array]:
-        """Return modes start .. start + count - 1 from directions to states (count, D, states), above and below."""
-        return self._rows(self._low(start, count), count, self._states(), np.arange(self.views.p.size))
-
-    def matrices(self, start: int, count: int) -> Matrices:
-        """Return modes start .. start + count - 1 of all kernels."""
-        states, block = self._states(), self._low(start, count)
-        return _matrices(block, states, self.rows(start, count))
-
-    def high(self, orders: Array) -> tuple[Matrices, tuple[Array, Array], NDArray[np.int64]]:
-        """Return modes of real orders, restricted to the states and directions that they concern.
-
-        Also the weights of these states and the numbers of these directions.
-        """
+    def lobes(self, orders: Array) -> Block:
+        """Return the function that makes blocks of modes of real orders, high and increasing."""
 
         def block(kind: int, a: States, b: States) -> Array:
             out = np.zeros((orders.size, a[0].size, b[0].size))
             lobes(kind, self.surface, a[0], a[1], b[0], b[1], orders, self.level.reach, self.gauss, out)
             return out
 
-        chosen = [
-            self._mode_limit(side.p, side.s, side is self.below) >= orders[0] for side in (self.above, self.below)
-        ]
+        return block
+
+    def states(self) -> list[States]:
+        """Return p, s and panels of the states above and below."""
+        return [(side.p, side.s, side.panel) for side in (self.above, self.below)]
+
+    def rows(self, start: int, count: int) -> tuple[Array, Array]:
+        """Return modes start .. start + count - 1 from directions to states (count, D, states), above and below."""
+        return rows_from(self.views, self.low(start, count), count, self.states())
+
+    def matrices(self, start: int, count: int) -> Matrices:
+        """Return modes start .. start + count - 1 of all kernels."""
+        states, block = self.states(), self.low(start, count)
+        return _matrices(block, states, self.rows(start, count))
+
+    def high(self, orders: Array) -> tuple[Matrices, tuple[Array, Array], Index]:
+        """Return modes of real orders, restricted to the states and directions that they concern.
+
+        Also the weights of these states and the numbers of these directions.
+        """
+        chosen = [self.mode_limit(side.p, side.s, side is self.below) >= orders[0] for side in (self.above, self.below)]
         states = [
             (side.p[kept], side.s[kept], side.panel[kept])
             for side, kept in zip((self.above, self.below), chosen, strict=True)
         ]
         weights = self.above.weights[chosen[0]], self.below.weights[chosen[1]]
         kept = np.flatnonzero(self.limits >= orders[0])
-        return _matrices(block, states, self._rows(block, orders.size, states, kept)), weights, kept
+        block, views = self.lobes(orders), self.views
+        some = Directions(views.below[kept], views.p[kept], views.s[kept])
+        return _matrices(block, states, rows_from(some, block, orders.size, states)), weights, kept
 
-    def _rows(self, block: Callable[..., Array], count: int, states: list[States], kept: Any) -> tuple[Array, Array]:
-        """Return the kernels from the directions that are kept to the states."""
-        views = self.views
-        rows = [np.empty((count, kept.size, side[0].size)) for side in states]
-        for below, kinds in ((False, (ABOVE, THROUGH)), (True, (THROUGH, BELOW))):
-            mine = np.flatnonzero(views.below[kept] == below)
-            p, s = (np.ascontiguousarray(x[kept[mine]]) for x in (views.p, views.s))
-            source = p, s, np.full(p.size, -1)
-            for row, kind, side in zip(rows, kinds, states, strict=True):
-                row[:, mine] = block(kind, source, side)
-        return rows[0], rows[1]
-
-    def _mode_limit(self, p: Array, s: Array, below: bool) -> Array:
+    def mode_limit(self, p: Array, s: Array, below: bool) -> Array:
         """Return the mode up to which the lobes of states reach: their mirror image's and their refraction's."""
         q = (self.n - 1.0) * (self.n + 1.0)
         size = np.abs(p)
@@ -177,7 +186,19 @@ class System:
         return np.array([largest(self.ndf, self.alpha, a, 0.0, b * b, reach)[1] for a, b in zip(steps, s, strict=True)])
 
 
-def _matrices(block: Callable[..., Array], states: list[States], rows: tuple[Array, Array]) -> Matrices:
+def rows_from(views: Directions, block: Block, count: int, states: list[States]) -> tuple[Array, Array]:
+    """Return the kernels (count, D, states) from directions to the states above and below."""
+    rows = [np.empty((count, views.p.size, side[0].size)) for side in states]
+    for below, kinds in ((False, (ABOVE, THROUGH)), (True, (THROUGH, BELOW))):
+        mine = np.flatnonzero(views.below == below)
+        p, s = (np.ascontiguousarray(x[mine]) for x in (views.p, views.s))
+        source = p, s, np.full(p.size, -1)
+        for row, kind, side in zip(rows, kinds, states, strict=True):
+            row[:, mine] = block(kind, source, side)
+    return rows[0], rows[1]
+
+
+def _matrices(block: Block, states: list[States], rows: tuple[Array, Array]) -> Matrices:
     """Return all kernels between states, beside the rows of directions."""
     up, down = states
     return Matrices(block(ABOVE, up, up), block(BELOW, down, down), block(THROUGH, up, down), *rows)
@@ -187,7 +208,8 @@ def sweep(matrices: Matrices, weights: tuple[Array, Array], upper: Array, lower:
     """Scatter rows (M, D, states above), (M, D, states below) once more."""
     upper, lower = upper * weights[0], lower * weights[1]
     # from below to above is from above to below with every path reversed
-    crossed = np.matmul(lower[..., ::-1], matrices.through.transpose(0, 2, 1))[..., ::-1]
+    turned = np.ascontiguousarray(lower[..., ::-1])  # a view of negative strides would keep matmul from BLAS
+    crossed = np.matmul(turned, matrices.through.transpose(0, 2, 1))[..., ::-1]
     return (
         np.matmul(upper, matrices.above) + crossed,
         np.matmul(lower, matrices.below) + np.matmul(upper, matrices.through),
@@ -197,11 +219,12 @@ def sweep(matrices: Matrices, weights: tuple[Array, Array], upper: Array, lower:
 def multiple(
     matrices: Matrices,
     weights: tuple[Array, Array],
-    lights: NDArray[np.int64],
-    views: NDArray[np.int64],
+    lights: Index,
+    views: Index,
     layers: int,
     most: float,
     end: float,
+    first: int = 2,
 ) -> Array:
     """Return (layers, M, lights, views): bounce orders 2, 3, ... apart, the last one with all higher ones.
 
@@ -214,7 +237,9 @@ def multiple(
     most : float
         Highest bounce order, inf for all.
     end : float
-        The series ends where an order adds less than this part of the sum.
+        The series of a light ends where an order adds less than this part of its largest one.
+    first : int
+        Bounce orders below are left out.
     """
     upper, lower = matrices.rows_above[:, lights], matrices.rows_below[:, lights]
     exits = [
@@ -223,19 +248,21 @@ def multiple(
     ]
     # the weights are symmetric, so that they may be applied before the reversal
     out = np.zeros((layers, upper.shape[0], lights.size, views.size))
-    size, k = 0.0, 2
+    size, k = np.zeros(lights.size), 2
     total_upper, total_lower = np.zeros_like(upper), np.zeros_like(lower)
     while k <= most:
-        if k - 2 < layers - 1:
+        if k >= first and k - 2 < layers - 1:
             out[k - 2] = np.matmul(upper, exits[0]) + np.matmul(lower, exits[1])
-        else:
+        elif k >= first:
             total_upper += upper
             total_lower += lower
-        now = max(float(np.abs(upper).max(initial=0.0)), float(np.abs(lower).max(initial=0.0)))
-        size = max(size, now)
-        if now <= end * size or k > SWEEPS:
+        now = np.maximum(*(np.abs(rows).max(axis=(0, 2), initial=0.0) for rows in (upper, lower)))
+        size = np.maximum(size, now)
+        # each light by itself, whatever others do
+        ended = (now <= end * size) & (k >= NAMED)
+        if ended.all() or k > SWEEPS or k + 1 > most:
             break
-        upper, lower = sweep(matrices, weights, upper, lower)
+        upper, lower = sweep(matrices, weights, upper * ~ended[:, None], lower * ~ended[:, None])
         k += 1
-    out[-1] = np.matmul(total_upper, exits[0]) + np.matmul(total_lower, exits[1])
+    out[-1] += np.matmul(total_upper, exits[0]) + np.matmul(total_lower, exits[1])
     return out

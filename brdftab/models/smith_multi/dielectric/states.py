@@ -61,10 +61,29 @@ def _limit(p: float, index: float, n: float, alpha: float, lowest: float, level:
     return min(level.width, level.lobe * lobe, level.grading * (lowest + elevation))
 
 
-def _edges(required: Array, directions: int, n: float, alpha: float, level: Level) -> Array:
-    """Return the edges on [0, n]: the required ones, and between them as many as both sides ask for."""
+def lowest_class(p: Array) -> float:
+    """Return the elevation down to which panels become finer for directions p: 1e-3 times a power of 16."""
+    size = float(np.abs(p).min(initial=1.0))
     # the azimuth modes of grazing light vary on the scale of its elevation, but not for ever
-    lowest = max(float(np.abs(required[:directions]).min()), LOWEST)
+    return LOWEST * 16.0 ** max(math.floor(math.log(max(size / LOWEST, 1.0), 16.0)), 0)
+
+
+def panel_edges(required: Array, lowest: float, n: float, alpha: float, level: Level) -> Array:
+    """Return the edges on [0, n]: the required ones, and between them as many as both sides ask for.
+
+    Parameters
+    ----------
+    required : ndarray
+        p where panels end, of either sign.
+    lowest : float
+        No finer panels are asked for below this elevation (radians).
+    n : float
+        Index below the surface, > 1.
+    alpha : float
+        Roughness.
+    level : Level
+        Resolution.
+    """
     done = [0.0]
     stack = sorted(({float(n), 1.0} | {float(abs(p)) for p in required if abs(p) > CLOSE}), reverse=True)
     while stack:
@@ -87,28 +106,14 @@ def _edges(required: Array, directions: int, n: float, alpha: float, level: Leve
     return np.array(done)
 
 
-def build(required: Array, directions: int, n: float, ndf: int, alpha: float, level: Level) -> tuple[Side, Side]:
-    """Return the states above and below.
+def build(low: Array, high: Array, n: float, ndf: int, alpha: float, level: Level) -> tuple[Side, Side]:
+    """Return the states above and below on panels from low (P,) to high (P,), increasing in [0, n], and mirrored ones.
 
-    Parameters
-    ----------
-    required : ndarray
-        p where panels end: first those of every direction of light or view.
-    directions : int
-        How many of them are directions.
-    n : float
-        Index below the surface, > 1.
-    ndf : int
-        0 Beckmann, 1 GGX.
-    alpha : float
-        Roughness.
-    level : Level
-        Resolution.
+    `ndf` is 0 for Beckmann, 1 for GGX.
     """
-    edges = _edges(required, directions, n, alpha, level)
     x, w = unit_gauss(level.nodes)
-    width = np.diff(edges)
-    half = (edges[:-1, None] + width[:, None] * x).ravel()
+    width = high - low
+    half = (low[:, None] + width[:, None] * x).ravel()
     p = np.concatenate([-half[::-1], half])
     measure = (width[:, None] * w).ravel()
     measure = np.concatenate([measure[::-1], measure])

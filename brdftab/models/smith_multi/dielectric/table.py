@@ -12,14 +12,15 @@ from brdftab.jit import parallel_kernel
 from brdftab.models.microfacet.refraction import single_bounce, weight
 from brdftab.models.microfacet.single import HORIZON
 from brdftab.models.setup import Setup, component_names
-from brdftab.models.smith_multi.dielectric.levels import level
+from brdftab.models.smith_multi.dielectric.levels import further, level
+from brdftab.models.smith_multi.dielectric.pairs import solve_pairs
 from brdftab.models.smith_multi.dielectric.series import Part, evaluate, evaluate_pairs, solve
 from brdftab.models.smith_multi.dielectric.solve import System
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-# values of the series held at a time; polar angles of listed pairs that are solved together
-BLOCK, GROUP = 1 << 24, 48
+# values of the series held at a time
+BLOCK = 1 << 24
 
 
 @parallel_kernel
@@ -104,7 +105,8 @@ class Prepared:
 
     def __init__(self, setup: Setup, tolerance: float, orders: int = 0) -> None:
         assert setup.fresnel is not None
-        self._setup, self._level = setup, level(tolerance, setup.alpha_x)
+        self._setup = setup
+        self._level, self._further = level(tolerance, setup.alpha_x), further(tolerance, setup.alpha_x)
         self._layers = len(component_names(setup, orders)) if orders else 1
         index = np.broadcast_to(setup.fresnel.a, len(setup.channels))
         # channels of the same index share everything
@@ -123,23 +125,27 @@ class Prepared:
         return [part.reversed() for part in solve(system, views, lights, layers, self._most)]
 
     def points(self, theta_i: Array, theta_o: Array, phi: Array, phi_i: Array) -> Array:
-        """Evaluate at N pairs of directions (radians); returns (N, P, C) in 1/sr, 0 on the horizon."""
-        out = np.zeros((theta_i.size, self._layers, len(self._setup.channels)))
-        for group in _groups(theta_i, theta_o):
-            self._fill_group(theta_i, theta_o, phi, group, out)
-        return out
+        """Evaluate at N pairs of directions (radians); returns (N, P, C) in 1/sr, 0 on the horizon.
 
-    def _fill_group(self, theta_i: Array, theta_o: Array, phi: Array, group: Index, out: Array) -> None:
-        ti, to, ph = (np.ascontiguousarray(x[group], dtype=np.float64) for x in (theta_i, theta_o, phi))
-        theta = np.unique(np.concatenate([ti, to]))
-        lights, a = np.unique(np.searchsorted(theta, ti), return_inverse=True)
-        views, b = np.unique(np.searchsorted(theta, to), return_inverse=True)
-        part = np.zeros((ti.size, *out.shape[1:]))
+        Each pair of polar angles has panels of its own, so that no value depends on what else is asked.
+        """
+        out = np.zeros((theta_i.size, self._layers, len(self._setup.channels)))
+        seen = np.flatnonzero((np.abs(np.cos(theta_i)) > HORIZON) & (np.abs(np.cos(theta_o)) > HORIZON))
+        if seen.size == 0:
+            return out
+        ti, to, ph = (np.ascontiguousarray(x[seen], dtype=np.float64) for x in (theta_i, theta_o, phi))
+        # reversed paths weigh the same
+        pairs, place = np.unique(np.sort(np.stack([ti, to], axis=1), axis=1), axis=0, return_inverse=True)
+        part = np.zeros((seen.size, *out.shape[1:]))
+        levels, layers = (self._level, self._further), max(self._layers - 1, 1)
         for n, channels in self._groups:
-            parts = self._solve(theta, n, lights, views)
-            series = evaluate_pairs(parts, a, b, ph) if parts else np.zeros((0, ti.size))
+            series = np.zeros((0, ti.size))
+            if self._most >= 2:
+                parts = solve_pairs(pairs, n, self._setup.ndf, self._setup.alpha_x, levels, layers, self._most)
+                series = evaluate_pairs(parts, place.reshape(-1), np.zeros(ti.size, np.int64), ph)
             _write_pairs(ti, to, ph, self._surface(n), series, channels, part)
-        out[group] = part
+        out[seen] = part
+        return out
 
     def _surface(self, n: float) -> tuple[int, float, float]:
         return self._setup.ndf, self._setup.alpha_x, n
@@ -177,25 +183,6 @@ def _twins(some: Array, others: Array) -> Index:
     order = np.argsort(others)
     at = np.minimum(np.searchsorted(others, some, sorter=order), others.size - 1)
     return np.where(others[order[at]] == some, order[at], -1)
-
-
-def _groups(theta_i: Array, theta_o: Array) -> list[Index]:
-    """Return groups of pairs, each with few distinct polar angles; pairs on the horizon are in none."""
-    seen = np.flatnonzero((np.abs(np.cos(theta_i)) > HORIZON) & (np.abs(np.cos(theta_o)) > HORIZON))
-    order = seen[np.lexsort((theta_o[seen], theta_i[seen]))]
-    groups: list[Index] = []
-    current: list[int] = []
-    angles: set[float] = set()
-    for k in order:
-        more = {float(theta_i[k]), float(theta_o[k])}
-        if current and len(angles | more) > GROUP:
-            groups.append(np.array(current))
-            current, angles = [], set()
-        current.append(k)
-        angles |= more
-    if current:
-        groups.append(np.array(current))
-    return groups
 
 
 def prepare(setup: Setup, tolerance: float, trial: bool = False, orders: int = 0) -> Prepared:

@@ -7,10 +7,10 @@ import numpy as np
 from brdftab.models.setup import Setup
 from brdftab.models.smith_multi.volterra.energy import albedo
 from brdftab.models.smith_multi.volterra.points import evaluate
-from brdftab.models.smith_multi.volterra.settings import settings
+from brdftab.models.smith_multi.volterra.settings import FINEST, settings
 from brdftab.models.smith_multi.volterra.table import Prepared
 
-__all__ = ["Prepared", "albedo", "points", "prepare"]
+__all__ = ["FINEST", "Prepared", "albedo", "points", "prepare"]
 
 
 def points(
