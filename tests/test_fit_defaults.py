@@ -155,6 +155,69 @@ def test_poor_is_judged_by_what_the_data_are_worth():
     assert warned
 
 
+def warned(values, table, name, **fixed):
+    """Return the log-RMS of a fit of other values on a table's grid, and its lines on a poor fit."""
+    result = brdftab.fit(brdftab.Table(values, table.grid, table.channels), name, **fixed)
+    return result.metrics["log_rms"], [line for line in result.warnings if line.startswith("poor fit")]
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.05, 0.2, 0.6])
+@pytest.mark.parametrize("copies", [False, True])
+def test_noise_is_no_misfit(noise, copies):
+    table = brdftab.tabulate("ilm", "16x16x24", kd=[0.5, 0.3, 0.2], ior=1.7, sigma=0.4, dtype="float64")
+    factors = np.exp(noise * np.random.default_rng(3).standard_normal(table.values.shape))
+    if copies:
+        # data that are reciprocal by construction hold each value twice, and show no floor
+        factors = np.where((table.grid.theta_i[:, None] <= table.grid.theta_o)[..., None, None], factors, 0.0)
+        factors = factors + np.where(factors == 0.0, factors.transpose(1, 0, 2, 3), 0.0)
+    level, lines = warned(table.values * factors, table, "ilm")
+    assert level == pytest.approx(noise, rel=0.1, abs=1e-4)
+    assert lines == []
+
+
+def test_a_misfit_is_no_noise_and_its_cause_is_named():
+    table = brdftab.tabulate("ilm", "16x16x24", kd=[0.5, 0.3, 0.2], dtype="float64")
+    result = brdftab.fit(table, "ilm", ndf="ggx")
+    assert result.metrics["log_rms"] < 0.1
+    (line,) = [line for line in result.warnings if line.startswith("poor fit")]
+    assert "the data were made with ndf = beckmann, this fit holds ndf = ggx" in line
+    # the same without a word of where they come from, and under 2 % of noise
+    noisy = table.values * np.exp(0.02 * np.random.default_rng(3).standard_normal(table.values.shape))
+    _, (line,) = warned(noisy, table, "ilm", ndf="ggx")
+    assert "try another ndf, model or sum of models" in line
+    bright = brdftab.fit(brdftab.Table(table.values + 1.0, table.grid, table.channels), "lambert")
+    assert any(line.startswith("poor fit") and "end on a bound" in line for line in bright.warnings)
+
+
+@pytest.mark.parametrize("name", ["smith", "cook-torrance", "ilm"])
+@pytest.mark.parametrize("optics", [{"ior": 1.6}, {"f0": 0.3}, {"eta": 0.4, "k": 2.2}])
+def test_the_source_of_reflectance_is_that_of_the_table(name, optics):
+    if name == "ilm" and "eta" in optics:
+        pytest.skip("interfaces are dielectrics")
+    table = brdftab.tabulate(name, "12x12x18", **optics)
+    result = brdftab.fit(table, name)
+    for key, true in optics.items():
+        # eta and k make up for each other, to a ten thousandth
+        np.testing.assert_allclose(result.values[key], true, rtol=1e-3)
+    assert result.metrics["log_rms"] < 1e-4
+    # of the user's own word first
+    assert "f0" in brdftab.fit(table, name, "f0", samples=500).values
+
+
+def test_a_source_that_no_fit_has_is_passed_over():
+    made = {"parameters": {"ndf": "ggx", "ior": [1.4, 1.5, 1.6]}}
+    assert [v.param for v in parse("smith", None, {}, made).variables] == ["alpha", "f0"]
+    through = {"parameters": {"ndf": "ggx", "ior": 1.5}}
+    assert [v.param for v in parse("smith-multi", None, {}, through).variables] == ["alpha", "f0"]
+
+
+def test_the_roughness_of_a_fit_can_be_evaluated():
+    for ndf, high in (("phong", math.sqrt(2.0)), ("ggx", 10.0)):
+        (variable,) = [v for v in parse("vgroove-nonsym", None, {"ndf": ndf}).variables if v.param == "alpha"]
+        assert 0.99 * high < variable.high <= high
+        brdftab.evaluate("vgroove-nonsym", 0.3, 0.5, 2.0, ndf=ndf, alpha=variable.high, tolerance=1e-2)
+
+
 # ---------------------------------------------------------------- a model's own parameters
 
 

@@ -1,5 +1,6 @@
 """Kernels get blocks of less than half a second, whose sizes change no number, and Ctrl-C is answered meanwhile."""
 
+import ctypes
 import os
 import signal
 import subprocess
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from brdftab import models, tabulate
+from brdftab.cli.interrupt import answered
 from brdftab.cli.progress import progress_bar
 from brdftab.engine import Engine
 from brdftab.evaluation import is_stochastic
@@ -114,9 +116,26 @@ def test_ctrl_c_is_answered_at_once(tmp_path, given):
     time.sleep(8.0)
     assert run.poll() is None
     run.send_signal(signal.SIGINT)
-    # a second is the aim; machines under load take longer
-    _, told = run.communicate(timeout=20.0)
+    # a second is the aim; one function that is being compiled under load takes longer
+    _, told = run.communicate(timeout=120.0)
     assert run.returncode == 130
     assert told.strip().endswith("Aborted")
     assert "Traceback" not in told
     assert os.listdir(tmp_path) == []
+
+
+def test_interruptions_that_a_callback_swallows_are_not_printed(monkeypatch):
+    told = []
+    monkeypatch.setattr(sys, "unraisablehook", lambda what: told.append(what.exc_type))
+
+    def raising(error):
+        def callback():
+            raise error
+
+        ctypes.CFUNCTYPE(None)(callback)()
+
+    with answered():
+        raising(KeyboardInterrupt)
+        raising(ValueError("else"))
+    raising(KeyboardInterrupt)
+    assert told == [ValueError, KeyboardInterrupt]

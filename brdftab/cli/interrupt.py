@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import select
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 ABORTED = 130
 # seconds that a command has to end by itself
@@ -32,16 +34,25 @@ def answered() -> Iterator[None]:
     os.set_blocking(writer, False)
     before = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
     done = threading.Event()
+    told = sys.unraisablehook
+    sys.unraisablehook = functools.partial(_unraised, told)
     watcher = threading.Thread(target=_watch, args=(reader, done), daemon=True)
     watcher.start()
     try:
         yield
     finally:
         done.set()
+        sys.unraisablehook = told
         signal.set_wakeup_fd(before)
         os.close(writer)
         watcher.join(1.0)
         os.close(reader)
+
+
+def _unraised(otherwise: Callable[[Any], object], what: Any) -> None:
+    """Be silent on an interruption inside a callback of the compiler, which cannot pass it on: the watcher answers."""
+    if not issubclass(what.exc_type, KeyboardInterrupt):
+        otherwise(what)
 
 
 def _watch(reader: int, done: threading.Event) -> None:

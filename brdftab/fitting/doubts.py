@@ -13,11 +13,12 @@ from brdftab.fitting.engine import AGREE, BIAS, Outcome
 
 Array = NDArray[np.float64]
 CORRELATED = 0.95
-# a log-RMS of 0.3 is a typical factor of 1.35; it counts where the data do not tell how far they can be believed
+# a fit is poor where most of its squared error is no noise, but for what single precision and coarse cells leave
+SHARE, LEAST = 2.0, 0.02
+# independent noise lies sqrt 2 above the reciprocity floor that it leaves
+ABOVE_FLOOR = 1.5
+# log-RMS, a typical factor of 1.35, that counts where too few directions tell the noise
 POOR = 0.3
-# where they do: independent noise lies sqrt 2 above the reciprocity floor that it leaves, and the floor of data that
-# are reciprocal by construction says nothing of their noise, which is rarely below this
-ABOVE_FLOOR, NOISE = 1.5, 0.1
 # relative standard error from which on a parameter says little
 VAGUE = 0.3
 
@@ -33,6 +34,8 @@ def doubts(
     metrics: dict[str, Any],
     by_theta: Sequence[dict[str, Any]],
     judged: float,
+    noise: float | None,
+    cause: str,
 ) -> list[str]:
     """Return warnings.
 
@@ -56,6 +59,10 @@ def doubts(
         Error by theta_i.
     judged : float
         Log-RMS over what is brighter than the data's floor and the noise floor.
+    noise : float or None
+        Of the same, what neighbouring directions disagree by.
+    cause : str
+        What to look at first if the fit is poor.
     """
     lines = []
     if outcome.verdict != "converged":
@@ -68,7 +75,7 @@ def doubts(
         if not at_bound[n] and spread[n] > VAGUE * abs(outer[n]):
             lines.append(f"{name} = {outer[n]:.3g} +- {spread[n]:.2g} is hardly determined by the data")
     lines += _starts(outcome)
-    lines += _misfit(metrics, by_theta, judged)
+    lines += _misfit(metrics, by_theta, judged, noise, cause)
     worst = np.abs(bias)
     if worst.size and worst.max() > BIAS:
         name = labels[int(worst.argmax())]
@@ -111,13 +118,20 @@ def _starts(outcome: Outcome) -> list[str]:
     return lines
 
 
-def _misfit(metrics: dict[str, Any], by_theta: Sequence[dict[str, Any]], judged: float) -> list[str]:
+def _misfit(
+    metrics: dict[str, Any], by_theta: Sequence[dict[str, Any]], judged: float, noise: float | None, cause: str
+) -> list[str]:
     """Doubt a model that the data do not follow as well as they follow themselves."""
     lines = []
     floor = metrics["reciprocity_floor"]
-    if judged > (POOR if floor is None else max(ABOVE_FLOOR * floor, NOISE)):
-        beside = f"; the data's own reciprocity floor is {floor:.3f}" if floor is not None else ""
-        lines.append(f"poor fit: log-RMS {judged:.3f}, typically wrong by a factor of {math.exp(judged):.2f}{beside}")
+    known = POOR if noise is None else max(math.sqrt(SHARE) * noise, LEAST)
+    if judged > max(known, ABOVE_FLOOR * (floor or 0.0)):
+        told = [f"neighbouring directions agree to {noise:.2g}"] if noise is not None else []
+        told += [f"the data's own reciprocity floor is {floor:.3f}"] if floor is not None else []
+        beside = f" ({', '.join(told)})" if told else ""
+        lines.append(
+            f"poor fit: log-RMS {judged:.3f}, typically wrong by a factor of {math.exp(judged):.2f}{beside}; {cause}"
+        )
     means = [b for b in by_theta if b["mean"] is not None and b["count"] >= 100]
     if means:
         worst = max(means, key=lambda b: abs(b["mean"]))

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from brdftab.models import Model
 
 if TYPE_CHECKING:
@@ -28,12 +30,7 @@ def of_data(label: str, model: Model, made: Mapping[str, Any]) -> dict[str, Any]
     made : mapping
         Provenance; anything else than parameters of models in it is passed over.
     """
-    known = made.get("parameters")
-    if isinstance(known, Mapping) and any(isinstance(v, Mapping) for v in known.values()):
-        known = known.get(label)
-    if not isinstance(known, Mapping):
-        return {}
-    found = {}
+    known, found = _parameters(label, made), {}
     for param in model.params:
         value = known.get(param.name)
         if param.name in HOW and model.has("seed"):
@@ -45,6 +42,27 @@ def of_data(label: str, model: Model, made: Mapping[str, Any]) -> dict[str, Any]
         elif param.name in ALSO and value is not None and (param.name == "max_bounces" or "material" in known):
             found[param.name] = value
     return found
+
+
+def optics_of_data(label: str, model: Model, made: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the source of reflectance that data were made with, as a fit can free it: ior, f0, or eta and k.
+
+    An index that differs by channel is none of them, for a fit has one for all, nor one that lets light through.
+    """
+    known = {n: v for n, v in _parameters(label, made).items() if v is not None and model.has(n)}
+    one = not model.transmits and np.unique(np.ravel(known.get("ior", np.nan))).size == 1
+    for names in (("ior",), ("f0",), ("eta", "k")):
+        if all(n in known for n in names) and (names != ("ior",) or one):
+            return names
+    return ()
+
+
+def _parameters(label: str, made: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the parameters of the term of a label in provenance; empty where there are none."""
+    known = made.get("parameters")
+    if isinstance(known, Mapping) and any(isinstance(v, Mapping) for v in known.values()):
+        known = known.get(label)
+    return known if isinstance(known, Mapping) else {}
 
 
 def held(term: Term, values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:

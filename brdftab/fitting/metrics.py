@@ -57,8 +57,7 @@ def metrics(
         Where shapes do not fit, nothing is valid, or a valid number is not finite.
     """
     g, f, cosine = _pooled(fit, data, valid, theta_i, theta_o)
-    positive = f > 0.0
-    ratio = np.log(np.maximum(g[positive], floor) / np.maximum(f[positive], floor))
+    ratio = log_ratio(g, f, floor)[f > 0.0]
     g0, f0 = np.maximum(g, 0.0), np.maximum(f, 0.0)
     root = np.cbrt(f0 * cosine)
     return {
@@ -68,6 +67,11 @@ def metrics(
         "cosine_rms": _relative(cosine * (g - f), cosine * f),
         "l1p": _rms((np.log1p(g0) - np.log1p(f0)) / math.log(10.0)),
     }
+
+
+def log_ratio(fit: Array, data: Array, floor: float) -> Array:
+    """Return ln(g/f), both at least the `floor` (1/sr)."""
+    return np.asarray(np.log(np.maximum(fit, floor) / np.maximum(data, floor)))
 
 
 def error_by_theta(

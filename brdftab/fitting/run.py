@@ -13,9 +13,10 @@ from brdftab.errors import ParameterError
 from brdftab.fitting.data import Dataset, dataset, suspicions
 from brdftab.fitting.doubts import doubts
 from brdftab.fitting.engine import STARTS, Fitter, Options, Outcome, covariance
-from brdftab.fitting.held import held
+from brdftab.fitting.held import held, of_data
 from brdftab.fitting.losses import LOSSES, MEANING
-from brdftab.fitting.metrics import error_by_theta, metrics
+from brdftab.fitting.metrics import error_by_theta, log_ratio, metrics
+from brdftab.fitting.noise import neighbour_noise
 from brdftab.fitting.result import FitResult
 from brdftab.fitting.solver import MAX_STEPS, SOLVERS
 from brdftab.fitting.source import Source, load
@@ -122,7 +123,7 @@ def fit(
     doubted = suspicions(source, theta_max, seed)
     results = []
     for total in sums:
-        results.append(fit_points(total, points, options))
+        results.append(fit_points(total, points, options, made))
         results[-1].warnings += doubted
         results[-1].times |= {"total": clock.seconds, "compile": clock.compiling}
         clock = Clock()
@@ -165,8 +166,11 @@ def _options(
     return Options(loss, robust, noise_floor, solver, int(starts), dict(start or {}), int(max_steps), int(seed))
 
 
-def fit_points(total: Sum, points: Dataset, options: Options) -> FitResult:
-    """Fit a parsed sum to points: what `fit` does once data and options are settled."""
+def fit_points(total: Sum, points: Dataset, options: Options, made: Mapping[str, Any] | None = None) -> FitResult:
+    """Fit a parsed sum to points: what `fit` does once data and options are settled.
+
+    `made` is the provenance of the data, which a poor fit is explained by.
+    """
     clock = Clock()
     fitter = Fitter(total, points, options)
     outcome = fitter.run()
@@ -182,7 +186,11 @@ def fit_points(total: Sum, points: Dataset, options: Options) -> FitResult:
     shown = np.where(points.saturated, np.minimum(fitted, np.abs(points.values)), fitted)
     seen = (shown, points.values, points.valid, points.theta_i, points.theta_o)
     measures: dict[str, Any] = dict(metrics(*seen, fitter.floor))
-    judged = metrics(*seen, max(fitter.floor, options.noise_floor))["log_rms"]
+    least = max(fitter.floor, options.noise_floor)
+    judged = metrics(*seen, least)["log_rms"]
+    with np.errstate(invalid="ignore"):
+        ratio, bright = log_ratio(shown, points.values, least), points.valid & (points.values > 0.0)
+    noise = neighbour_noise(points.theta_i, points.theta_o, points.phi, ratio, bright)
     measures["reciprocity_floor"] = points.reciprocity_floor
     bias = outcome.bias / np.where(spread > 0.0, spread, np.inf)
     edges = np.linspace(0.0, max(float(points.theta_i.max()), 1e-3) * (1.0 + 1e-12), BINS + 1)
@@ -243,8 +251,22 @@ def fit_points(total: Sum, points: Dataset, options: Options) -> FitResult:
             measures,
             by_theta,
             judged,
+            noise,
+            _cause(total, made or {}, [h[0] for h in kept], [n for n, b in zip(labels, at_bound, strict=True) if b]),
         ),
     )
+
+
+def _cause(total: Sum, made: Mapping[str, Any], kept: Sequence[Mapping[str, Any]], bound: Sequence[str]) -> str:
+    """Return what to look at first where a fit is poor: choices other than the data's, bounds, the shape."""
+    for term, values in zip(total.terms, kept, strict=True):
+        for name, value in of_data(term.label, term.model, made).items():
+            if name in values and values[name] != value and term.model.param(name).kind == "choice":
+                return f"the data were made with {name} = {value}, this fit holds {name} = {values[name]}"
+    if bound:
+        return f"{', '.join(bound)} end{'s' if len(bound) == 1 else ''} on a bound: the data pull beyond it"
+    distributions = any(t.model.ndfs for t in total.terms)
+    return f"try another {'ndf, ' if distributions else ''}model or sum of models"
 
 
 def _solver(outcome: Outcome, options: Options, bias: Array, integrates: bool) -> dict[str, Any]:

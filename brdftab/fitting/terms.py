@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.errors import ParameterError, proposal
-from brdftab.fitting.held import of_data
+from brdftab.fitting.held import of_data, optics_of_data
 from brdftab.models import Model, spec, twin
 from brdftab.models.setup import Setup, resolve
 
@@ -210,16 +210,16 @@ def fittable(model: Model) -> tuple[str, ...]:
     return tuple(p.name for p in bounded if p.name not in leave)
 
 
-def default_free(model: Model, fixed: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return what is free unless the user says otherwise: all but fixed ones, and f0 a channel for facets of metals."""
+def default_free(model: Model, fixed: Mapping[str, Any], made: Sequence[str] = ()) -> tuple[str, ...]:
+    """Return what is free unless the user says otherwise: all but fixed ones, and one source of reflectance.
+
+    That is `made`, what the data were made with, if it is known; else ior under an interface, f0 a channel for facets.
+    """
     sources = optics(model)
     free = [n for n in fittable(model) if n not in sources]
-    if model.has("kd") and model.ndfs:
-        free.append("ior")
-        if "f0" in fixed:
-            free.remove("ior")
-    elif model.ndfs and not any(o in fixed for o in sources):
-        free.append("f0")
+    if sources and not any(o in fixed for o in sources):
+        usual = ("ior", "f0") if model.has("kd") else ("f0", "ior")
+        free += [n for n in made if n in sources] or [n for n in usual if n in sources][:1]
     elif model.ndfs and "eta" in fixed and "k" not in fixed:
         free.append("k")
     elif model.ndfs and "k" in fixed and "eta" not in fixed:
@@ -242,18 +242,15 @@ def _check_optics(model: Model, free: Sequence[str], fixed: Mapping[str, Any]) -
         )
 
 
-def _variable(name: str, term: int, model: Model, param: str) -> Variable:
-    """Return the free parameter with the bounds of its declaration."""
+def _variable(name: str, term: int, model: Model, param: str, ndf: str | None) -> Variable:
+    """Return the free parameter with the bounds of its declaration, narrower where its twin says so."""
     declared = model.param(param)
     low, high = declared.bounds or (-math.inf, math.inf)
     rough, optical = is_roughness(model, param), param in optics(model)
     if rough:
-        low = max(low, ROUGHNESS_FLOOR)
-        if model.name == "vgroove-nonsym":
-            # a hair inside what Phong allows serves the other distributions, too
-            high = min(high, 10.0)
-        least, most = getattr(twin(model.name), "BOUNDS", {}).get(param, (low, high))
-        low, high = max(low, least), min(high, most)
+        module = twin(model.name)
+        least, most = module.roughness_bounds(ndf) if hasattr(module, "roughness_bounds") else (low, high)
+        low, high = max(low, least, ROUGHNESS_FLOOR), min(high, most)
     # one refractive index for all channels, everything else that can differ by channel does
     channels = declared.kind == "channels" and not (optical and param == "ior")
     return Variable(name, term, param, channels, low, high, rough or (optical and param == "eta"))
@@ -305,16 +302,21 @@ def parse(
                 wanted[at].append(param)  # type: ignore[union-attr]
     carried = [_carry(*each, made or {}) for each in zip(labels, specs, given, wanted, strict=True)]
     terms, variables = [], []
-    picked = [tuple(w) if w is not None else default_free(s, g) for w, s, g in zip(wanted, specs, given, strict=True)]
+    sources = [optics_of_data(label, s, made or {}) for label, s in zip(labels, specs, strict=True)]
+    picked = [
+        tuple(w) if w is not None else default_free(s, g, known)
+        for w, s, g, known in zip(wanted, specs, given, sources, strict=True)
+    ]
     for at, (label, one, fix, chosen) in enumerate(zip(labels, specs, given, picked, strict=True)):
         both = sorted(set(chosen) & set(fix))
         if both:
             raise ParameterError(f"{both[0]} of {one.name} is both free and fixed; leave one of them out")
         _check_optics(one, chosen, fix)
         terms.append(Term(label, one, fix, chosen, carried[at]))
+        ndf = fix.get("ndf", one.param("ndf").default) if one.ndfs else None
         for param in chosen:
             clash = sum(param in p for p in picked) > 1
-            variables.append(_variable(f"{label}.{param}" if clash else param, at, one, param))
+            variables.append(_variable(f"{label}.{param}" if clash else param, at, one, param, ndf))
     if not variables:
         raise ParameterError(f"free is empty for {model}; name at least one parameter, as kd")
     ordered = [v for v in variables if not v.channels] + [v for v in variables if v.channels]

@@ -249,7 +249,7 @@ def twin(name: str) -> ModuleType:
 
     Some have more: ``rule_nodes`` (nodes of a tolerance as numbers), ``nodes`` (numbers that follow from the data's
     angles), ``prepare`` (the costly part that no single point enters), ``check`` (refuses choices that have no twin),
-    ``BOUNDS`` (of a fit's roughness, narrower than declared).
+    ``roughness_bounds`` (of a fit, narrower than declared, by the word for the distribution).
 
     Raises
     ------

@@ -173,11 +173,6 @@ def _roughness(given: dict[str, Any], model: Model) -> tuple[int, float, float]:
         ax = ay = given.setdefault(one, model.param(one).default)
     if (ax == 0.0) != (ay == 0.0):
         raise ParameterError(f"{one}_x = {ax:g}, {one}_y = {ay:g}: only both together may be 0; give {one} = 0")
-    if model.name == "vgroove-nonsym" and ndf == "phong" and ax >= math.sqrt(2.0):
-        raise ParameterError(
-            f"alpha = {ax:g} is outside (0, sqrt 2) for ndf = phong in vgroove-nonsym: the opposite facet's "
-            "distribution D sin^2 has no finite integral; use a smaller alpha or vgroove-sym"
-        )
     return NDF_CODES[ndf], float(ax), float(ay)
 
 

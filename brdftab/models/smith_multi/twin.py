@@ -23,8 +23,11 @@ from brdftab.models.smith_multi.twin_grid import at_points, spread_modes
 from brdftab.models.smith_multi.twin_solve import solve
 
 SHAPE_PARAMS = ("alpha_x", "alpha_y")
-# what a fit may move alpha through
-BOUNDS = {"alpha": SOLVER_ALPHA}
+
+
+def roughness_bounds(ndf: str) -> tuple[float, float]:
+    """Return between which roughnesses a fit may move: where the solver is accurate, for any distribution."""
+    return SOLVER_ALPHA
 
 
 def check(static: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import partial
 
 import jax.numpy as jnp
@@ -11,12 +12,18 @@ from brdftab.models.microfacet.twin.frame import Directions, groove_plane, half_
 from brdftab.models.microfacet.twin.grooves import groove_value, higher
 from brdftab.models.microfacet.twin.ndf import density, shape_at
 from brdftab.models.microfacet.twin.static import Static
+from brdftab.models.vgroove_nonsym.settle import MOST_PHONG
 from brdftab.models.vgroove_nonsym.twin_bounces import bounces, rankings
 from brdftab.models.vgroove_nonsym.twin_first import mean_masking
 
 SHAPE_PARAMS = ("alpha_x", "alpha_y")
 # rules grow with the class of roughness
 ROUGH_RULES = True
+
+
+def roughness_bounds(ndf: str) -> tuple[float, float]:
+    """Return between which roughnesses a fit may move: Phong ends a hair below sqrt 2, where facets lose their mean."""
+    return 0.0, 0.999 * MOST_PHONG if ndf == "phong" else math.inf
 
 
 def shapes(static: Static, p: dict[str, Array], d: Directions) -> tuple[Array, ...]:
