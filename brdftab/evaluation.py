@@ -127,7 +127,7 @@ def evaluate_setup(
             f"theta_i = {math.degrees(flat[0][at]):g}, theta_o = {math.degrees(flat[1][at]):g}, "
             f"phi = {math.degrees(flat[2][at]):g} degrees is the mirror direction, where {setup.model.name} has no "
             "finite value; ask for a direction aside, a cell average (tabulate) or "
-            f"{'bounces' if setup.model.has('bounces') else 'max_bounces'} = 1"
+            f"{'bounces' if setup.model.shares('bounces') else 'max_bounces'} = 1"
         )
     values = models.kernel(setup.model.name).points(setup, *flat, orders=orders, tolerance=tolerance)
     return np.asarray(values).reshape(*shape, *values.shape[1:])

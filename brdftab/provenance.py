@@ -85,7 +85,7 @@ def _left_out(setup: Setup, tolerance: float) -> dict[str, Any] | None:
     if own is not None:
         values = own(setup, angles)
         return None if values is None else {"theta_i_degrees": list(ALBEDO_ANGLES), "values": values.tolist()}
-    if not setup.model.has("max_bounces"):
+    if not setup.model.shares("max_bounces"):
         return None
     free = resolve(setup.model.name, **{n: v for n, v in setup.parameters.items() if n != "max_bounces"})
     engines = [Engine(s, min(tolerance, 1e-4), fast=False) for s in (free, setup)]

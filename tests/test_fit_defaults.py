@@ -3,7 +3,6 @@
 import json
 import math
 import sys
-import textwrap
 
 import numpy as np
 import pytest
@@ -14,6 +13,11 @@ from brdftab import models
 from brdftab.cli import main
 from brdftab.errors import ParameterError
 from brdftab.fitting.terms import parse
+from brdftab.golden.settings import settings as golden_settings
+from brdftab.models import twins
+from brdftab.models.microfacet.params import FRESNEL_PARAMS
+from brdftab.models.setup import resolve
+from brdftab.validate import differences, sweep
 
 FITTABLE = [name for name in models.names() if models.has_twin(name)]
 OWN = """
@@ -22,7 +26,7 @@ from brdftab.models import Model, Param
 SPEC = Model(
     name="own-k", title="Two numbers", summary="kd (1 + k sin(theta_i) sin(theta_o)) / pi",
     params=(
-        Param("kd", "", 0.5, (0.0, 1.0), "albedo", "channels"),
+        Param("kd", "", 0.5, (0.0, 1.0), "albedo", "channels", role="albedo"),
         Param("k", "", 1.5, (1.0, 9.0), "its own parameter, no extinction"),
         Param("exponent", "", 2.0, (0.0, 20.0), "its own, too"),
     ),
@@ -41,6 +45,49 @@ def shapes(static, p, d):
 
 def value(static, p, shapes, d):
     return p["kd"] * (1.0 + p["k"] * shapes[0] + p["exponent"] * shapes[1]) / math.pi
+"""
+
+# every name here has another meaning in some model of the registry, or in what serves them
+NAMES = """
+from brdftab.models import Model, Param
+from brdftab.models.microfacet.params import NDF_NO_PHONG
+
+SPEC = Model(
+    name="own-names", title="Names", summary="sums of numbers that bear the names of others",
+    params=(
+        *NDF_NO_PHONG[:2],
+        Param("kd", "", 0.5, (0.0, 9.0), "a number"),
+        Param("weights", "", 1.5, (1.0, 9.0), "a number"),
+        Param("max_bounces", "", 2.5, (0.0, 20.0), "a number"),
+        Param("eta", "", 2.0, (0.0, 20.0), "a number"),
+        Param("sigma", "rad", 0.3, (0.0, 1.0), "an angle"),
+        Param("material", "", "wood", None, "a word", "choice", ("wood", "stone")),
+        Param("seed", "", "round", None, "a word", "choice", ("round", "long")),
+        Param("ior", "", 1.0, (0.0, 1.0), "a number a channel", "channels"),
+    ),
+    components=("facets",), ndfs=("ggx",), citation="none", doi="", variant="none",
+)
+"""
+NAMES_TWIN = """
+SHAPE_PARAMS = ("alpha_x", "alpha_y")
+
+
+def shapes(static, p, d):
+    return (p["alpha_x"] * d.ci * d.co, d.si * d.so, d.ci**2 * d.co**2, d.si**2 * d.so**2)
+
+
+def value(static, p, s, d):
+    return p["kd"] * (1.0 + s[0] + p["weights"] * s[1] + p["eta"] * s[2] + p["max_bounces"] * s[3])
+"""
+NAMES_KERNEL = """
+import numpy as np
+
+
+def points(setup, theta_i, theta_o, phi, phi_i, *, orders, tolerance):
+    c, s = np.cos(theta_i) * np.cos(theta_o), np.sin(theta_i) * np.sin(theta_o)
+    v = setup.values
+    found = v["kd"] * (1.0 + setup.alpha_x * c + v["weights"] * s + v["eta"] * c**2 + v["max_bounces"] * s**2)
+    return found[:, None, None]
 """
 
 
@@ -223,14 +270,17 @@ def test_the_roughness_of_a_fit_can_be_evaluated():
 
 @pytest.fixture
 def own_k(tmp_path, monkeypatch):
-    """Register a model whose own parameters bear the names of optical ones."""
-    folder = tmp_path / "own_k"
-    folder.mkdir()
-    (folder / "__init__.py").write_text(textwrap.dedent(OWN))
-    (folder / "twin.py").write_text(textwrap.dedent(OWN_TWIN))
+    """Register models whose own parameters bear the names of optical and other ones."""
+    parts = {"own_k": (OWN, OWN_TWIN, ""), "own_names": (NAMES, NAMES_TWIN, NAMES_KERNEL)}
+    for name, (spec, twin, kernel) in parts.items():
+        folder = tmp_path / name
+        folder.mkdir()
+        (folder / "__init__.py").write_text(spec)
+        (folder / "twin.py").write_text(twin)
+        (folder / "kernel.py").write_text(kernel)
     monkeypatch.setattr(models, "__path__", [*models.__path__, str(tmp_path)])
     yield
-    for name in [n for n in sys.modules if n.startswith("brdftab.models.own_k")]:
+    for name in [n for n in sys.modules if n.startswith(("brdftab.models.own_k", "brdftab.models.own_names"))]:
         del sys.modules[name]
 
 
@@ -247,6 +297,61 @@ def test_a_models_own_k_is_free():
     held = brdftab.fit(brdftab.Table(values.copy(), grid, ("Y",)), "own-k", "kd,exponent")
     assert held.fixed == {"own-k": {"k": 1.5}}
     assert held.fixed_from == {"own-k": {"k": "default"}}
+
+
+@pytest.mark.usefixtures("own_k")
+def test_names_mean_what_their_model_says(tmp_path):
+    given = {"kd": 0.7, "weights": 4.0, "max_bounces": 7.5, "eta": 3.0, "alpha": 0.4, "material": "stone"}
+    setup = resolve("own-names", **given)
+    assert setup.fresnel is None
+    assert setup.max_bounces is None
+    assert setup.values["material"] == "stone"
+    assert setup.values["max_bounces"] == 7.5
+    # through the command line, where the same options serve the other models
+    out = tmp_path / "a.npz"
+    words = [f"--{n.replace('_', '-')}={v}" for n, v in given.items()]
+    told("tabulate", "--model", "own-names", *words, "--sigma", "30", "--grid", "10x10x8", "--out", out)
+    table = brdftab.read(out)
+    assert table.provenance["parameters"]["sigma"] == pytest.approx(math.radians(30.0))
+    assert table.provenance["parameters"]["max_bounces"] == 7.5
+    free = [n for n in given if n not in ("material", "alpha")]
+    result = brdftab.fit(table, "own-names", free, alpha=0.4)
+    for name in free:
+        assert result.values[name] == pytest.approx(given[name], rel=1e-5)
+    # the word of the file holds; numbers are not what a cap or a spectrum is
+    assert result.fixed_from["own-names"] == {
+        "ndf": "file",
+        "alpha": "user",
+        "sigma": "default",
+        "material": "file",
+        "seed": "file",
+        "ior": "default",
+    }
+    assert result.fixed["own-names"]["material"] == "stone"
+    # as each is moved by itself
+    angles = np.full(3, 0.3), np.full(3, 0.8), np.full(3, 2.0), np.zeros(3)
+    for name in ("weights", "kd", "eta"):
+        step = 1e-6
+        moved = [brdftab.evaluate("own-names", *angles[:3], **{**given, name: given[name] + d}) for d in (-step, step)]
+        exact = twins.derivative(setup, name, *angles)
+        np.testing.assert_allclose(exact, (moved[1] - moved[0]) / (2.0 * step), rtol=1e-7)
+        assert differences.entry(setup, name, 0) == given[name]
+    assert set(golden_settings("own-names")) == {"ggx", "material stone", "seed long"}
+    assert all("eta" in v.free and "weights" in v.free for v in sweep.variants("own-names"))
+
+
+def test_names_that_twins_use_are_refused():
+    for name, more in (("a", FRESNEL_PARAMS), ("prepared", ())):
+        with pytest.raises(ValueError, match=f"{name} of model x is what twins call something else"):
+            models.Model("x", "", "", (models.Param(name, "", 1.0, (0.0, 1.0), ""), *more), ("one",), "", "", "")
+
+
+def test_an_angle_in_one_term_and_a_number_in_another_is_asked_for(tmp_path):
+    data = tmp_path / "x.npz"
+    brdftab.write(brdftab.tabulate("lambert", "4x4x4"), data)
+    done = CliRunner().invoke(main, ["fit", str(data), "--model", "ilm+oren-nayar", "--start", "sigma=20"])
+    assert done.exit_code == 2
+    assert "ilm.sigma, oren-nayar.sigma" in done.output
 
 
 # ---------------------------------------------------------------- several models

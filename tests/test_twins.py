@@ -22,6 +22,7 @@ from brdftab.models.microfacet import masking as compiled_masking
 from brdftab.models.microfacet import ndf as compiled_ndf
 from brdftab.models.microfacet.frame import groove_plane
 from brdftab.models.microfacet.twin import frame, fresnel, masking, ndf
+from brdftab.models.microfacet.twin.static import WEIGHTS
 from brdftab.models.setup import resolve
 
 PACKAGE = Path(brdftab.__file__).parent
@@ -74,7 +75,7 @@ def tolerance_of(setup):
 def numbers(setup):
     """Return the names that a twin can be differentiated by and how many entries each has."""
     _, params = twins.split(setup, TOLERANCE)
-    return {k: v.size for k, v in params.items() if k != "weights" and not (k == "alpha_y" and setup.isotropic)}
+    return {k: v.size for k, v in params.items() if k != WEIGHTS and not (k == "alpha_y" and setup.isotropic)}
 
 
 # ---------------------------------------------------------------- all models
@@ -148,7 +149,7 @@ def test_twin_says_what_its_shapes_depend_on(name):
     static, params = twins.split(setup, TOLERANCE)
     assert hash(static) == hash(twins.split(setup, TOLERANCE)[0])
     assert module.__doc__
-    shared = {k: v[0] for k, v in params.items() if k != "weights"}
+    shared = {k: v[0] for k, v in params.items() if k != WEIGHTS}
     d = frame.directions(*sweep.directions(setup, np.random.default_rng(1)))
     shapes = jax.eval_shape(lambda p: module.shapes(static, p, d), shared)
     assert all(s.shape == d.phi.shape for s in shapes)
@@ -289,7 +290,7 @@ def test_split_tells_choices_from_numbers():
     static, params = twins.split(resolve("smith", material="Cu", alpha_x=0.1, alpha_y=0.3), 1e-6)
     assert (static.model, static.fresnel, static.isotropic, static.tolerance) == ("smith", 1, False, 1e-6)
     assert static.option("masking") == "height-correlated"
-    assert params["weights"].shape == (params["a"].size, 3)
+    assert params[WEIGHTS].shape == (params["a"].size, 3)
     assert (params["alpha_x"].tolist(), params["alpha_y"].tolist()) == ([0.1], [0.3])
     static, params = twins.split(resolve("oren-nayar", kd=[0.1, 0.2, 0.3]))
     assert {k: v.shape for k, v in params.items()} == {"kd": (3,), "sigma": (1,)}
@@ -297,7 +298,7 @@ def test_split_tells_choices_from_numbers():
     # with wavelengths as channels nothing is projected
     _, params = twins.split(resolve("smith", material="Cu", wavelengths=[450.0, 550.0]))
     assert params["a"].shape == (2,)
-    assert "weights" not in params
+    assert WEIGHTS not in params
 
 
 def test_derivative_names_what_can_be_asked():

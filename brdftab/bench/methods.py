@@ -95,9 +95,9 @@ def caps(setup: Setup, grid: Grid, most: tuple[int, ...]) -> Iterator[Method]:
     """Yield sums cut off after so many bounces, where the model has a cap above them."""
     declared = setup.model
     found: list[tuple[str, Any, Setup | None]] = []
-    if declared.has("max_bounces"):
+    if declared.shares("max_bounces"):
         found += [("max_bounces", n, _other(setup, max_bounces=n)) for n in most]
-    if declared.has("bounces"):
+    if declared.shares("bounces"):
         found += [("bounces", word, _other(setup, bounces=word)) for word in declared.param("bounces").choices]
     for name, value, capped in found:
         cap = None if capped is None else capped.max_bounces
@@ -128,7 +128,7 @@ def _drawn(setup: Setup, grid: Grid, family: str, samples: int, seed: int) -> Me
 
 def estimators(setup: Setup, grid: Grid, samples: tuple[int, ...], family: str = "") -> Iterator[Method]:
     """Yield Monte Carlo estimators: those of the setup itself, or those that one of its choices turns on."""
-    if not setup.model.has("samples"):
+    if not setup.model.shares("samples"):
         return
     found: dict[str, Setup] = {}
     if is_stochastic(setup):

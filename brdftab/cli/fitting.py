@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from brdftab.cli.options import declared, model_options
+from brdftab.cli.options import declared, in_api_units, model_options
 from brdftab.cli.words import Choice
 
 if TYPE_CHECKING:
@@ -152,22 +152,25 @@ def _fixed(model: str, options: dict[str, Any], listed: list[str]) -> dict[str, 
                 f"{name} is not a parameter of {', '.join(listed)}; {near}{'T' if near else 't'}hey take "
                 f"{', '.join(sorted(known))}"
             )
-        if isinstance(value, list) and len(value) == 1:
-            value = value[0]
         for label, one in terms:
             if one.has(name):
-                found[f"{label}.{name}"] = math.radians(value) if one.param(name).unit == "rad" else value
+                found[f"{label}.{name}"] = in_api_units(one.param(name), value)
     return found
 
 
 def _unit(model: str, name: str) -> str:
     """Return the unit of a parameter that may be qualified by its term."""
+    from brdftab.errors import ParameterError
     from brdftab.fitting.terms import term_labels
     from brdftab.models import spec
 
     label, _, param = name.rpartition(".")
-    owners = [spec(n) for at, n in term_labels(model) if not label or at == label]
-    return next((one.param(param).unit for one in owners if one.has(param)), "")
+    owners = [(at, spec(n)) for at, n in term_labels(model) if not label or at == label]
+    units = {one.param(param).unit: at for at, one in owners if one.has(param)}
+    if len(units) > 1:
+        more = ", ".join(f"{at}.{param}" for at in units.values())
+        raise ParameterError(f"{name} is an angle in one term and none in another; name the one that is meant: {more}")
+    return next(iter(units), "")
 
 
 def _pairs(option: str, texts: tuple[str, ...], model: str) -> dict[str, Any]:

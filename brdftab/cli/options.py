@@ -26,6 +26,10 @@ class Numbers(click.ParamType):
             self.fail(f"{value!r} is not a number or a list as 0.1,0.2,0.3", param, ctx)
 
 
+# what click makes of a parameter's kind
+KINDS: dict[str, Any] = {"float": float, "int": int, "channels": Numbers(), "choice": str, "text": str}
+
+
 def declared() -> dict[str, list[tuple[Param, list[str]]]]:
     """Return every parameter name of the registry with its declarations, each with the models that share it."""
     found: dict[str, list[tuple[Param, list[str]]]] = {}
@@ -53,7 +57,8 @@ def _text(param: Param) -> str:
 
 def _option(name: str, variants: list[tuple[Param, list[str]]], total: int) -> Callable[[Any], Any]:
     """Return the click option of one parameter name."""
-    kind: Any = {"float": float, "int": int, "channels": Numbers(), "choice": str, "text": str}[variants[0][0].kind]
+    kinds = {param.kind for param, _ in variants}
+    kind: Any = KINDS[kinds.pop()] if len(kinds) == 1 else str if kinds & {"choice", "text"} else Numbers()
     parts = []
     for param, users in variants:
         plain = len(variants) == 1 and (len(users) > 3 or len(users) == total)
@@ -83,14 +88,20 @@ def optional_model_options(command: Callable[..., Any]) -> Callable[..., Any]:
 def given_parameters(model: str, options: dict[str, Any]) -> dict[str, Any]:
     """Return the model parameters that the user gave, in API units (radians, one number where one is meant)."""
     everything = declared()
-    units = {p.name: p.unit for p in spec(model).params} if model in names() else {}
+    own = {p.name: p for p in spec(model).params} if model in names() else {}
     given: dict[str, Any] = {}
     for name, value in options.items():
         if name not in everything or value is None:
             continue
-        if units.get(name) == "rad":
-            value = math.radians(value)
-        if isinstance(value, list) and len(value) == 1:
-            value = value[0]
-        given[name] = value
+        given[name] = in_api_units(own.get(name), value)
     return given
+
+
+def in_api_units(param: Param | None, value: Any) -> Any:
+    """Return an option's value for a model's own parameter of that name: radians, one number where one is meant."""
+    if isinstance(value, str) and param is not None and param.kind not in ("choice", "text"):
+        # another model's parameter of that name is a word
+        value = Numbers().convert(value, None, None)
+    if param is not None and param.unit == "rad":
+        value = [math.radians(x) for x in value] if isinstance(value, list) else math.radians(value)
+    return value[0] if isinstance(value, list) and len(value) == 1 else value

@@ -58,7 +58,7 @@ def _shown(param: Param) -> dict[str, Any]:
     from brdftab.materials.indices import names
 
     turn = math.degrees if param.unit == "rad" else (lambda x: x)
-    choices = ("mirror", *names()) if param.name == "material" else param.choices
+    choices = ("mirror", *names()) if param.name == "material" and param.role == "optics" else param.choices
     return {
         "default": param.default if param.default is None or isinstance(param.default, str) else turn(param.default),
         "bounds": None if param.bounds is None else [turn(b) for b in param.bounds],

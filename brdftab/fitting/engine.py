@@ -20,6 +20,7 @@ from brdftab.fitting.starts import guess_albedo, spread
 from brdftab.fitting.terms import Sum
 from brdftab.models import twin
 from brdftab.models.microfacet.twin.frame import Directions, directions
+from brdftab.models.twins import integrates
 from brdftab.timing import Clock
 
 Array = NDArray[np.float64]
@@ -181,7 +182,7 @@ class Fitter:
     @property
     def integrates(self) -> bool:
         """Tell whether a model of the sum has nodes to choose."""
-        return any(s.model.name in INTEGRATING for s in self.total.terms)
+        return any(integrates(s.model.name) for s in self.total.terms)
 
     def _solve(self, made: gram.Problem, starts: Array, count: int, scale: float, data: Any, used: int) -> Any:
         """Run the compiled solver, whose compilation is timed apart."""
@@ -288,9 +289,6 @@ class Fitter:
         room = np.tile(outcome.x, (max(self.options.starts, 1), 1))
         again = self._solve(self.made, room, 1, max(outcome.scale, 1e-6) if self.robust else 1.0, packed, 1)
         return np.asarray(again.x[0] - outcome.x)
-
-
-INTEGRATING = frozenset({"ilm", "vgroove-sym", "vgroove-nonsym", "smith-multi"})
 
 
 def _traced(static: Any, rule: float) -> float:

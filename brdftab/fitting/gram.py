@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.fitting.losses import OFFSETS, curvature, soft_l1, transform
-from brdftab.fitting.terms import Sum, optics
+from brdftab.fitting.terms import Sum
 from brdftab.models import twin
 from brdftab.models.microfacet.twin.frame import Directions, directions
-from brdftab.models.microfacet.twin.static import Static
+from brdftab.models.microfacet.twin.static import WEIGHTS, Static
 from brdftab.models.twins import numbers as angle_numbers
 from brdftab.models.twins import prepared, split
 
@@ -107,7 +107,7 @@ def problem(total: Sum, loss: str, robust: bool, tolerance: float) -> tuple[Prob
     statics, fixed = [], []
     for at, term in enumerate(total.terms):
         middle = {v.param: max(v.low, min(0.5, v.high)) if not v.log else 0.3 for v in total.variables if v.term == at}
-        if "ior" in middle and "ior" in optics(term.model):
+        if "ior" in middle and term.model.shares("ior"):
             middle["ior"] = 1.5
         movable = hasattr(twin(term.model.name), "rule_nodes")
         static, params = split(term.setup(middle), 1e-2 if movable else tolerance)
@@ -116,7 +116,7 @@ def problem(total: Sum, loss: str, robust: bool, tolerance: float) -> tuple[Prob
 
     def slot(variable: Any) -> Slot:
         term = total.terms[variable.term]
-        index = variable.param == "f0" and "f0" in optics(term.model) and not term.model.has("material")
+        index = variable.param == "f0" and term.model.shares("f0") and not term.model.shares("material")
         return Slot(variable.term, term.canonical(variable.param), variable.log, index)
 
     made = Problem(tuple(statics), tuple(map(slot, total.shared)), tuple(map(slot, total.own)), loss, robust)
@@ -140,12 +140,12 @@ def channel_fixed(fixed: Sequence[dict[str, Array]], channels: int) -> tuple[dic
     """Return the fixed numbers with a leading axis of channels; spectra become (C, W) with their weights."""
     made = []
     for params in fixed:
-        weights = params.get("weights")
+        weights = params.get(WEIGHTS)
         term = {}
         for name, value in params.items():
             if weights is not None and name in ("a", "b"):
                 term[name] = np.broadcast_to(value, (channels, weights.shape[0])).copy()
-            elif name == "weights":
+            elif name == WEIGHTS:
                 term[name] = value.T.copy()
             else:
                 term[name] = np.broadcast_to(value, (channels,)).copy()
@@ -198,10 +198,10 @@ def _value(made: Problem, params: Sequence[dict[str, Any]], shapes: Any, d: Dire
     total = 0.0
     for static, p, shape in zip(made.statics, params, shapes, strict=True):
         value = twin(static.model).value
-        if "weights" in p:
-            rest = {k: v for k, v in p.items() if k not in ("a", "b", "weights")}
+        if WEIGHTS in p:
+            rest = {k: v for k, v in p.items() if k not in ("a", "b", WEIGHTS)}
             waves = jax.vmap(lambda a, b, s=static, r=rest, h=shape, v=value: v(s, {**r, "a": a, "b": b}, h, d))
-            total = total + p["weights"] @ waves(p["a"], p["b"])
+            total = total + p[WEIGHTS] @ waves(p["a"], p["b"])
         else:
             total = total + value(static, p, shape, d)
     return total
@@ -221,13 +221,13 @@ def _solved(made: Problem, shared: Any, own: Any, fixed: Any) -> tuple[Any, ...]
             return prepared(made.statics[at], {**p, **optics})
 
         term = numbers[at]
-        if "weights" not in term:
+        if WEIGHTS not in term:
             found.append(jax.vmap(one)(own, numbers))
             continue
         # channels have their wavelengths in common; what is prepared is linear in the light that it stands for
         first = jax.tree.map(lambda v: v[0], numbers)
         waves = jax.vmap(lambda a, b, one=one, first=first: one(own[0], first, a=a, b=b))(term["a"][0], term["b"][0])
-        share = term["weights"] / jnp.sum(term["weights"], 1, keepdims=True)
+        share = term[WEIGHTS] / jnp.sum(term[WEIGHTS], 1, keepdims=True)
         found.append(jax.tree.map(lambda v, share=share: jnp.tensordot(share, v, 1), waves))
     return tuple(found)
 

@@ -12,10 +12,9 @@ from brdftab.models import Model
 if TYPE_CHECKING:
     from brdftab.fitting.terms import Term
 
-# beside choices: a cap of the bounces changes what is computed, and how finely a metal's spectrum is resolved
-ALSO = ("max_bounces", "spectral_samples", "wavelengths")
-# of models that draw: how a value is computed, not which
-HOW = ("estimator", "roulette")
+
+# what resolves a metal's spectrum
+SPECTRUM = ("spectral_samples", "wavelengths")
 
 
 def of_data(label: str, model: Model, made: Mapping[str, Any]) -> dict[str, Any]:
@@ -33,13 +32,15 @@ def of_data(label: str, model: Model, made: Mapping[str, Any]) -> dict[str, Any]
     known, found = _parameters(label, made), {}
     for param in model.params:
         value = known.get(param.name)
-        if param.name in HOW and model.has("seed"):
+        # how estimators draw is how a value is computed, not which
+        if value is None or param.role == "paths":
             continue
         if param.kind == "choice":
-            metal = param.name == "material" and isinstance(value, str)
+            metal = param.role == "optics" and isinstance(value, str)
             if metal or value in param.choices:
                 found[param.name] = value
-        elif param.name in ALSO and value is not None and (param.name == "max_bounces" or "material" in known):
+        # a cap of the bounces changes what is computed, and so does how finely a metal's spectrum is resolved
+        elif param.role == "bounces" or (param.name in SPECTRUM and param.role == "optics" and "material" in known):
             found[param.name] = value
     return found
 
@@ -49,7 +50,7 @@ def optics_of_data(label: str, model: Model, made: Mapping[str, Any]) -> tuple[s
 
     An index that differs by channel is none of them, for a fit has one for all, nor one that lets light through.
     """
-    known = {n: v for n, v in _parameters(label, made).items() if v is not None and model.has(n)}
+    known = {n: v for n, v in _parameters(label, made).items() if v is not None and model.shares(n)}
     one = not model.transmits and np.unique(np.ravel(known.get("ior", np.nan))).size == 1
     for names in (("ior",), ("f0",), ("eta", "k")):
         if all(n in known for n in names) and (names != ("ior",) or one):

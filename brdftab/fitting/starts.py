@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.errors import ParameterError
-from brdftab.fitting.terms import Sum, Variable, is_roughness, optics
+from brdftab.fitting.terms import Sum, Variable, is_roughness
 from brdftab.models import Model
 
 Array = NDArray[np.float64]
@@ -40,9 +40,9 @@ def _range(variable: Variable, model: Model) -> tuple[float, float]:
     low, high = variable.low, variable.high
     if is_roughness(model, variable.param):
         low, high = ROUGH
-    elif variable.param == "sigma" and model.param("sigma").unit == "rad":
+    elif model.param(variable.param).role == "tilt":
         low, high = TILT
-    elif variable.param == "kd" or variable.param in optics(model):
+    elif model.param(variable.param).role in ("albedo", "optics"):
         low, high = PLAUSIBLE[variable.param]
     low, high = max(low, variable.low), min(high, variable.high)
     return (low, high) if low < high else (variable.low, variable.high)
@@ -89,8 +89,8 @@ def spread(total: Sum, albedo: Array, count: int, seed: int, given: Mapping[str,
                 continue
             model = total.terms[variable.term].model
             low, high = _range(variable, model)
-            if variable.param == "kd":
-                values["kd" if variable.name == "kd" else variable.name] = np.clip(
+            if model.param(variable.param).role == "albedo":
+                values[variable.name] = np.clip(
                     albedo * (low + u * (high - low)), variable.low + 1e-6, variable.high - 1e-3
                 )
             elif variable.log or low > 0.0:

@@ -24,9 +24,6 @@ CANONICAL = {
     "eta": ("a",),
     "k": ("b",),
 }
-OPTICS = ("material", "eta", "k", "ior", "f0", "wavelengths", "spectral_samples")
-# of these a matte body under an interface takes
-INTERFACE = ("ior", "f0")
 # the least roughness of a fit: below it a lobe is narrower than any measured table resolves
 ROUGHNESS_FLOOR = 1e-4
 
@@ -191,21 +188,18 @@ def term_labels(model: str) -> list[tuple[str, str]]:
 
 def optics(model: Model) -> tuple[str, ...]:
     """Return the parameters that say what a model's facets reflect; of other models such names are their own."""
-    known = OPTICS if model.has("material") else INTERFACE if model.ndfs else ()
-    return tuple(n for n in known if model.has(n))
+    return model.of_role("optics")
 
 
 def is_roughness(model: Model, param: str) -> bool:
     """Tell whether a parameter is the width of a distribution of facets."""
-    return bool(model.ndfs) and param == model.roughness
+    return param == model.roughness and model.param(param).role == "roughness"
 
 
 def fittable(model: Model) -> tuple[str, ...]:
     """Return the parameters of a model that can be free: numbers within finite bounds."""
-    leave = {"wavelengths"} & set(optics(model))
-    if model.ndfs:
-        # other names of the roughness
-        leave |= {"exponent", f"{model.roughness}_x", f"{model.roughness}_y"}
+    # other names of the roughness, and of what is no number of a surface
+    leave = {"wavelengths"} & set(optics(model)) | (set(model.of_role("roughness")) - {model.roughness})
     bounded = [p for p in model.params if p.kind in ("float", "channels") and np.isfinite(p.bounds or math.inf).all()]
     return tuple(p.name for p in bounded if p.name not in leave)
 
@@ -218,11 +212,11 @@ def default_free(model: Model, fixed: Mapping[str, Any], made: Sequence[str] = (
     sources = optics(model)
     free = [n for n in fittable(model) if n not in sources]
     if sources and not any(o in fixed for o in sources):
-        usual = ("ior", "f0") if model.has("kd") else ("f0", "ior")
+        usual = ("ior", "f0") if model.shares("kd") else ("f0", "ior")
         free += [n for n in made if n in sources] or [n for n in usual if n in sources][:1]
-    elif model.ndfs and "eta" in fixed and "k" not in fixed:
+    elif sources and "eta" in fixed and "k" not in fixed:
         free.append("k")
-    elif model.ndfs and "k" in fixed and "eta" not in fixed:
+    elif sources and "k" in fixed and "eta" not in fixed:
         free.append("eta")
     return tuple(n for n in free if n not in fixed)
 

@@ -42,10 +42,10 @@ def own(model: str) -> dict[str, Any]:
 
 def _reflectances(spec: Model) -> dict[str, dict[str, Any]]:
     """Return the kinds of reflectance that a model takes, by name."""
-    if spec.has("material"):
+    if spec.shares("material"):
         return REFLECTANCES
-    if spec.has("ior"):
-        return {name: given for name, given in INTERFACES.items() if spec.has(next(iter(given)))}
+    if spec.shares("ior"):
+        return {name: given for name, given in INTERFACES.items() if spec.shares(next(iter(given)))}
     return {"": {}}
 
 
@@ -74,16 +74,16 @@ def settings(model: str) -> dict[str, dict[str, Any]]:
         for name, given in reflectances.items():
             found[_label(shape, name)] = {**shape, **given}
         rough = spec.roughness
-        if spec.has(f"{rough}_x"):
+        if spec.shares(f"{rough}_x"):
             found[_label(shape, "anisotropic")] = {**shape, **plain, f"{rough}_x": 0.3, f"{rough}_y": 0.6}
     for param in spec.params:
-        if param.kind == "choice" and param.choices and param.name not in ("ndf", "material"):
+        if param.kind == "choice" and param.choices and param.role not in ("roughness", "optics"):
             for word in param.choices:
                 if word != param.default:
                     found[f"{param.name} {word}"] = {**plain, param.name: word}
-        elif param.name == "max_bounces":
+        elif param.role == "bounces" and param.kind == "int":
             found["capped"] = {**plain, param.name: CAP}
-        elif param.kind == "channels" and param.name == "kd":
+        elif param.kind == "channels" and param.role == "albedo":
             found["body in colour"] = {param.name: BODY}
     full = {name: _completed(model, given) for name, given in found.items()}
     return {name: given for name, given in full.items() if given is not None}

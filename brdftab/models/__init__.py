@@ -39,6 +39,10 @@ class Param:
         Allowed words of a ``choice``.
     remark : str
         What an error about this parameter adds: why a value is left out, or what to do instead.
+    role : {"", "albedo", "bounces", "optics", "paths", "roughness", "tilt"}
+        What it is to all that serves models without knowing them: the albedo of a matte body; a cap of the bounces;
+        what facets reflect; how an estimator draws its paths; the distribution of facets and its width; the deviation
+        of facets' tilt (radians). Without a role a name means nothing but the model's own.
     """
 
     name: str
@@ -49,6 +53,7 @@ class Param:
     kind: str = "float"
     choices: tuple[str, ...] = ()
     remark: str = ""
+    role: str = ""
 
 
 @dataclass(frozen=True)
@@ -107,12 +112,29 @@ class Model:
     forms: tuple[str, ...] = field(default=())
     roughness: str = "alpha"
 
+    def __post_init__(self) -> None:
+        """Refuse names that a twin's numbers have: ``a`` and ``b`` of a reflectance, both roughnesses, nodes."""
+        taken = {"nodes", "prepared"}
+        taken |= {"a", "b"} if self.of_role("optics") else set()
+        taken |= {"alpha_x", "alpha_y"} if self.ndfs else set()
+        clash = [p.name for p in self.params if p.name in taken and not p.role]
+        if clash:
+            raise ValueError(f"{clash[0]} of model {self.name} is what twins call something else; choose another name")
+
     def __repr__(self) -> str:
         return f"Model({self.name}: {self.title}, {len(self.params)} parameters)"
 
     def has(self, name: str) -> bool:
         """Tell whether the model declares a parameter of that name."""
         return any(p.name == name for p in self.params)
+
+    def shares(self, name: str) -> bool:
+        """Tell whether the model declares a parameter of that name with the meaning that all models give to it."""
+        return any(p.name == name and p.role for p in self.params)
+
+    def of_role(self, role: str) -> tuple[str, ...]:
+        """Return the names of the parameters of one role."""
+        return tuple(p.name for p in self.params if p.role == role)
 
     def param(self, name: str) -> Param:
         """Return the declaration of one parameter, or raise `ParameterError`."""

@@ -13,12 +13,10 @@ from brdftab.errors import ParameterError
 from brdftab.materials import fresnel as builders
 from brdftab.materials.fresnel import Fresnel
 from brdftab.models import Model, Param, settled, spec
-from brdftab.models.microfacet.params import FRESNEL_PARAMS
 
 NDF_CODES = {"beckmann": 0, "ggx": 1, "phong": 2, "gaussian": 3}
 # of linear sRGB, IEC 61966-2-1
 LUMINANCE = (0.2126, 0.7152, 0.0722)
-_FRESNEL_NAMES = frozenset(p.name for p in FRESNEL_PARAMS)
 
 
 @dataclass(frozen=True)
@@ -97,7 +95,7 @@ def _checked(param: Param, value: Any) -> Any:
     """Return a JSON-able, validated value of one parameter."""
     if param.kind == "choice":
         choices, called = param.choices, None
-        if param.name == "material":
+        if param.name == "material" and param.role == "optics":
             from brdftab.materials.indices import called as spoken
             from brdftab.materials.indices import names
 
@@ -119,6 +117,7 @@ def _checked(param: Param, value: Any) -> Any:
 
 def _fresnel(given: Mapping[str, Any], model: Model) -> Fresnel:
     """Build the reflectance from exactly one of material, eta + k, ior, f0."""
+    given = {n: v for n, v in given.items() if model.shares(n)}
     sources = [s for s in ("material", "eta", "ior", "f0") if given.get(s) is not None]
     if given.get("k") is not None and given.get("eta") is None:
         raise ParameterError("k needs eta beside it; give both, or a material by name")
@@ -157,11 +156,12 @@ def _roughness(given: dict[str, Any], model: Model) -> tuple[int, float, float]:
     """Return the distribution's code and both roughnesses; fill in the canonical parameters."""
     ndf = given.setdefault("ndf", model.param("ndf").default)
     one = model.roughness
-    ax, ay, alpha, exponent = (given.get(n) for n in (f"{one}_x", f"{one}_y", one, "exponent"))
+    names = (f"{one}_x", f"{one}_y", one, "exponent")
+    ax, ay, alpha, exponent = (given.get(n) if model.shares(n) else None for n in names)
     if (ax is None) != (ay is None):
         raise ParameterError(f"{one}_x and {one}_y go together; give both, or {one} alone")
     if sum(x is not None for x in (ax, alpha, exponent)) > 1:
-        more = " and exponent" if model.has("exponent") else ""
+        more = " and exponent" if model.shares("exponent") else ""
         raise ParameterError(f"{one}, {one}_x with {one}_y{more} exclude each other; give one of them")
     if exponent is not None and ndf != "phong":
         raise ParameterError(f"exponent = {exponent:g} needs ndf = phong, not {ndf}; give {one}")
@@ -186,26 +186,6 @@ def _interface(given: dict[str, Any], model: Model) -> Fresnel:
     else:
         fresnel = builders.dielectric(given.setdefault("ior", _checked(model.param("ior"), model.param("ior").default)))
     return fresnel
-
-
-def _cap(given: dict[str, Any], values: dict[str, Any]) -> int | None:
-    """Return the cap of the bounce orders."""
-    if given.get("ndf") == "gaussian" and given.get("masking") == "smith":
-        raise ParameterError(
-            "masking = smith is not defined for ndf = gaussian, whose facets near 90 degrees make Lambda infinite; "
-            "use torrance-sparrow"
-        )
-    if values.get("bounces") is None:
-        return values.get("max_bounces")
-    if values["bounces"] != "1" and given.get("masking") == "smith":
-        raise ParameterError(
-            f"bounces = {values['bounces']} follows light in V-cavities and needs masking = torrance-sparrow, not smith"
-        )
-    if values["bounces"] != "1" and given.get("ndf") == "gaussian":
-        raise ParameterError(
-            f"bounces = {values['bounces']} follows light in V-cavities and needs ndf = beckmann or ggx, not gaussian"
-        )
-    return {"1": 1, "2": 2, "inf": None}[values["bounces"]]
 
 
 def resolve(model: str, **given: Any) -> Setup:
@@ -237,27 +217,25 @@ def resolve(model: str, **given: Any) -> Setup:
     values: dict[str, Any] = {}
     fresnel: Fresnel | None = None
     ndf, ax, ay = -1, 1.0, 1.0
+    channels: tuple[str, ...] = ("Y",)
     if declared.ndfs:
         ndf, ax, ay = _roughness(checked, declared)
-    if declared.has("material"):
+    if declared.shares("material"):
         fresnel = _fresnel(checked, declared)
         if not any(checked.get(s) is not None for s in ("material", "eta", "ior", "f0")):
             checked["material"] = declared.param("material").default
-    elif declared.ndfs:
+    elif declared.shares("ior"):
         fresnel = _interface(checked, declared)
     if fresnel is not None:
         channels = fresnel.channels
     for param in declared.params:
-        rough = declared.roughness
-        if fresnel is not None and param.name in _FRESNEL_NAMES:
-            continue
-        if declared.ndfs and param.name in {"ndf", "exponent", rough, f"{rough}_x", f"{rough}_y"}:
+        if param.role in ("optics", "roughness"):
             continue
         if param.default is not None and param.name not in checked:
             checked[param.name] = _checked(param, param.default)
         value = checked.get(param.name)
         values[param.name] = np.array(value) if param.kind == "channels" else value
-    if declared.has("kd"):
+    if declared.shares("kd"):
         count = len(checked["kd"])
         if count not in (1, 3):
             raise ParameterError(f"kd has {count} values; give one, or three (R, G, B)")
@@ -274,7 +252,7 @@ def resolve(model: str, **given: Any) -> Setup:
         alpha_x=ax,
         alpha_y=ay,
         values=values,
-        max_bounces=_cap(checked, values),
+        max_bounces=values["max_bounces"] if declared.shares("max_bounces") else None,
     )
     return settled(setup)
 

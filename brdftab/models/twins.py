@@ -13,7 +13,7 @@ from brdftab import models
 from brdftab.errors import ParameterError, proposal
 from brdftab.models.microfacet.rough import rough_class
 from brdftab.models.microfacet.twin.frame import Directions, directions
-from brdftab.models.microfacet.twin.static import Static
+from brdftab.models.microfacet.twin.static import WEIGHTS, Static
 from brdftab.models.setup import Setup
 
 # how many of a and b each kind of reflectance has
@@ -38,7 +38,7 @@ def split(setup: Setup, tolerance: float = 1e-9, precision: str = "float64") -> 
         The choices.
     dict of str to float64
         By canonical name: alpha_x, alpha_y, sigma (1,); kd (1,) or (C,); a, b (1,), (C,) or (W,); with several
-        wavelengths behind a channel also ``weights`` (W, C).
+        wavelengths behind a channel also `WEIGHTS` (W, C).
     """
     params: dict[str, np.ndarray] = {}
     if setup.ndf >= 0:
@@ -56,7 +56,7 @@ def split(setup: Setup, tolerance: float = 1e-9, precision: str = "float64") -> 
         for name, numbers in (("a", fresnel.a), ("b", fresnel.b))[: _FRESNEL_COUNT[fresnel.kind]]:
             params[name] = np.array(numbers, dtype=np.float64)
         if not np.array_equal(fresnel.weights, np.eye(fresnel.weights.shape[0])):
-            params["weights"] = np.array(fresnel.weights, dtype=np.float64)
+            params[WEIGHTS] = np.array(fresnel.weights, dtype=np.float64)
     static = Static(
         model=setup.model.name,
         ndf=setup.ndf,
@@ -69,6 +69,12 @@ def split(setup: Setup, tolerance: float = 1e-9, precision: str = "float64") -> 
         rough=rough_class(setup) if getattr(models.twin(setup.model.name), "ROUGH_RULES", False) else 1.0,
     )
     return static, params
+
+
+def integrates(model: str) -> bool:
+    """Tell whether a model's twin sums over nodes that follow from the tolerance."""
+    module = models.twin(model)
+    return any(hasattr(module, name) for name in ("rule_nodes", "nodes")) or getattr(module, "ROUGH_RULES", False)
 
 
 def numbers(static: Static, theta_i: Any, theta_o: Any, phi: Any) -> dict[str, Any]:
@@ -93,8 +99,8 @@ def channel_values(static: Static, params: dict[str, Any], d: Directions, given:
     has one entry a channel. `given` comes from `numbers`.
     """
     module = models.twin(static.model)
-    own = {k: v for k, v in params.items() if k != "weights" and v.shape[0] > 1}
-    shared = {k: v[0] for k, v in params.items() if k != "weights" and v.shape[0] == 1} | (given or {})
+    own = {k: v for k, v in params.items() if k != WEIGHTS and v.shape[0] > 1}
+    shared = {k: v[0] for k, v in params.items() if k != WEIGHTS and v.shape[0] == 1} | (given or {})
     common = None if own.keys() & set(module.SHAPE_PARAMS) else module.shapes(static, shared, d)
 
     def one(mine: dict[str, Any]) -> Any:
@@ -103,7 +109,7 @@ def channel_values(static: Static, params: dict[str, Any], d: Directions, given:
         return module.value(static, p, module.shapes(static, p, d) if common is None else common, d)
 
     values = jax.vmap(one, out_axes=1)(own) if own else one({})[:, None]
-    return values @ params["weights"] if "weights" in params else values
+    return values @ params[WEIGHTS] if WEIGHTS in params else values
 
 
 @partial(jax.jit, static_argnums=0)
@@ -198,7 +204,7 @@ def derivative(
         If the model has no twin, or no such parameter or entry.
     """
     static, params = split(setup, tolerance)
-    known = [k for k in params if k != "weights"]
+    known = [k for k in params if k != WEIGHTS]
     if name not in known:
         near = proposal(name, known)
         raise ParameterError(

@@ -66,7 +66,7 @@ def fewer_wavelengths(setup: Setup, material: Material, probes: Probes | None, t
     """Take as few wavelengths behind RGB as the tolerance allows."""
     if setup.fresnel is None or setup.fresnel.spectral_error == 0.0 or material.wavelengths:
         return None
-    if "spectral_samples" in setup.parameters:
+    if not setup.model.shares("material") or "spectral_samples" in setup.parameters:
         return None
     count, allowed = len(setup.fresnel.wavelengths), SHARES["wavelengths"] * tolerance
     for samples in range(3, count):
@@ -81,7 +81,7 @@ def fewer_wavelengths(setup: Setup, material: Material, probes: Probes | None, t
 def fewer_bounces(setup: Setup, material: Material, probes: Probes, tolerance: float) -> Found:
     """Stop after the first bounce order beyond which nothing shows at any angle of the scene."""
     model = setup.model
-    if model.components != ("order",) or not model.has("max_bounces") or setup.max_bounces is not None:
+    if model.components != ("order",) or not model.shares("max_bounces") or setup.max_bounces is not None:
         return None
     parts, _ = probes.values(setup, EXACT * tolerance, ORDERS)
     allowed = SHARES["bounces"] * tolerance
@@ -113,7 +113,7 @@ def fewer_lobes(setup: Setup, material: Material, probes: Probes, tolerance: flo
     reference: Array | None = None
     for name, nothing in GONE:
         value = setup.parameters.get(name)
-        if not model.has(name) or value is None or np.all(np.asarray(value) == nothing):
+        if not model.shares(name) or value is None or np.all(np.asarray(value) == nothing):
             continue
         try:
             reduced = resolve(model.name, **{**setup.parameters, name: nothing})

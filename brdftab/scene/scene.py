@@ -184,7 +184,7 @@ def _material(entry: Entry, folder: Path, dtype: str) -> Material:
         raise ParameterError(f"{entry.head}: name = {name!r} cannot name a file; use letters, digits, - and _")
     quantity = _choice(entry, "quantity", QUANTITIES)
     waves = _waves(entry, quantity)
-    if waves and model and not spec(model).has("wavelengths"):
+    if waves and model and not spec(model).shares("wavelengths"):
         raise ParameterError(f'{entry.head}: model = {model} has no wavelengths; give quantity = "rgb"')
     tolerance = entry.number("tolerance", 1e-2, 1e-6, 0.5, "relative error of a cell that the scene tolerates")
     found = Material(

@@ -128,7 +128,7 @@ def fewer_near_the_normal(
         What leaving bounces out everywhere has used up of their share of it.
     """
     model = setup.model
-    if model.components != ("order",) or not model.has("max_bounces") or setup.isotropic or is_stochastic(setup):
+    if model.components != ("order",) or not model.shares("max_bounces") or setup.isotropic or is_stochastic(setup):
         return None
     allowed = SHARES["bounces"] * tolerance - used
     zones: list[tuple[float, int]] = []

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from brdftab.fitting.losses import LOSSES, MEANING, transform
 from brdftab.models import twins
+from brdftab.models.microfacet.twin.static import WEIGHTS
 from brdftab.models.setup import Setup
 from brdftab.validate.angles import Angles
 
@@ -64,7 +65,7 @@ def fit_directions(seed: int = 0, count: int = COUNT) -> Angles:
 def free_numbers(setup: Setup) -> list[str]:
     """Return what a fit would vary: the roughness once, albedo, and reflectance."""
     _, params = twins.split(setup)
-    return [k for k, v in params.items() if k != "weights" and v.size == 1 and not (k == "alpha_y" and setup.isotropic)]
+    return [k for k, v in params.items() if k != WEIGHTS and v.size == 1 and not (k == "alpha_y" and setup.isotropic)]
 
 
 def jacobian(setup: Setup, names: Sequence[str], angles: Angles, tolerance: float) -> tuple[Array, Array]:

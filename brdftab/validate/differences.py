@@ -30,22 +30,34 @@ def kernel_values(setup: Setup, angles: Angles, tolerance: float) -> Array:
     return models.kernel(setup.model.name).points(setup, *angles, orders=0, tolerance=tolerance)[:, 0]
 
 
+def _is_roughness(setup: Setup, name: str) -> bool:
+    """Tell whether a canonical name is the width of a distribution of facets."""
+    return setup.ndf >= 0 and name in ("alpha_x", "alpha_y")
+
+
+def _is_optical(setup: Setup, name: str) -> bool:
+    """Tell whether a canonical name is a number of the reflectance of facets."""
+    return setup.fresnel is not None and name in ("a", "b")
+
+
 def entry(setup: Setup, name: str, channel: int) -> float:
     """Return a number of a setup by its canonical name."""
-    if name in ("alpha_x", "alpha_y"):
+    if _is_roughness(setup, name):
         return float(getattr(setup, name))
-    return float(np.atleast_1d(getattr(setup.fresnel, name) if name in "ab" else setup.values[name])[channel])
+    return float(
+        np.atleast_1d(getattr(setup.fresnel, name) if _is_optical(setup, name) else setup.values[name])[channel]
+    )
 
 
 def moved(setup: Setup, name: str, channel: int, value: float) -> Setup:
     """Return the setup with one number replaced, unchecked."""
-    if name in ("alpha_x", "alpha_y"):
+    if _is_roughness(setup, name):
         both: dict[str, Any] = {"alpha_x": value, "alpha_y": value}
         return replace(setup, **(both if setup.isotropic else {name: both[name]}))
-    old = getattr(setup.fresnel, name) if name in "ab" else setup.values[name]
+    old = getattr(setup.fresnel, name) if _is_optical(setup, name) else setup.values[name]
     new = np.array(old, dtype=np.float64)
     new[channel if new.ndim else ()] = value
-    if name in "ab":
+    if _is_optical(setup, name):
         assert setup.fresnel is not None
         changed: dict[str, Any] = {name: new}
         return replace(setup, fresnel=replace(setup.fresnel, **changed))
@@ -55,11 +67,11 @@ def moved(setup: Setup, name: str, channel: int, value: float) -> Setup:
 def bounds_of(setup: Setup, name: str) -> tuple[float, float]:
     """Return the declared bounds of a canonical number; an index from f0 is bounded as an index."""
     spec = setup.model
-    if name in ("alpha_x", "alpha_y"):
+    if _is_roughness(setup, name):
         param = spec.param(spec.roughness)
-    elif name == "b":
+    elif name == "b" and _is_optical(setup, name):
         param = spec.param("k")
-    elif name == "a":
+    elif _is_optical(setup, name):
         assert setup.fresnel is not None
         param = spec.param({1: "eta", 2: "ior", 3: "f0"}[setup.fresnel.kind])
     else:

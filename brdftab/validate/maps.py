@@ -82,8 +82,8 @@ def condition_map(
         If the model has no twin, or no roughness with an index or a reflectance beside it.
     """
     declared = spec(model)
-    second = next((name for name in ("ior", "f0") if declared.has(name) and not declared.has("material")), "f0")
-    if not declared.ndfs or not declared.has(second) or not Subject(model).has_twin:
+    second = next((name for name in ("ior", "f0") if declared.shares(name) and not declared.shares("material")), "f0")
+    if not declared.ndfs or not declared.shares(second) or not Subject(model).has_twin:
         raise ParameterError(f"model = {model} has no map of its condition; take one with facets and a twin, as ilm")
     tolerance = tolerance_of(Subject(model))
     rough = np.geomspace(*_within(declared, declared.roughness, ROUGHNESS), steps[0])

@@ -9,7 +9,7 @@ import numpy as np
 from brdftab.fitting.data import Dataset
 from brdftab.fitting.engine import Options
 from brdftab.fitting.run import fit_points
-from brdftab.fitting.terms import OPTICS, default_free, parse
+from brdftab.fitting.terms import default_free, parse
 from brdftab.models.setup import Setup
 from brdftab.validate import differences
 from brdftab.validate.angles import Angles
@@ -21,7 +21,7 @@ TOLERANCE = 1e-4
 def free_names(setup: Setup, second: str) -> tuple[str, ...]:
     """Return what `brdftab fit` frees of a model by itself, with `second` as its source of reflectance."""
     model = setup.model
-    return (*(n for n in default_free(model, {}) if n not in OPTICS), second)
+    return (*(n for n in default_free(model, {}) if n not in model.of_role("optics")), second)
 
 
 def recovery_error(setup: Setup, second: str, angles: Angles, noise: float, draws: int, seed: int = 0) -> float:
@@ -51,7 +51,7 @@ def recovery_error(setup: Setup, second: str, angles: Angles, noise: float, draw
     """
     names = free_names(setup, second)
     given = {k: v for k, v in setup.parameters.items() if v is not None and setup.model.param(k).kind == "choice"}
-    total = parse(setup.model.name, names, {k: v for k, v in given.items() if k not in OPTICS})
+    total = parse(setup.model.name, names, {k: v for k, v in given.items() if setup.model.param(k).role != "optics"})
     exact = differences.kernel_values(setup, angles, TOLERANCE)[:, :1]
     valid = exact > 0.0
     truth = {n: setup.parameters[n] for n in names}

@@ -64,7 +64,7 @@ def extremes(param: Param) -> list[Any]:
 def refusal(model: str, given: Given) -> str | None:
     """Return the line with which a set of parameters is refused, or None; a mirror where no reflectance is given."""
     # the wavelengths of a metal are dear to set up, and are never what is refused
-    mirror = models.spec(model).has("material") and not SOURCES & set(given)
+    mirror = models.spec(model).shares("material") and not SOURCES & set(given)
     try:
         resolve(model, **given, **({"material": "mirror"} if mirror else {}))
     except ParameterError as error:
@@ -112,7 +112,7 @@ def by_distribution(model: str) -> list[Given]:
         return []
     values = [x for x in extremes(spec.param(rough)) if isinstance(x, float)]
     found = [{"ndf": ndf, rough: value} for ndf in spec.ndfs for value in values]
-    if spec.has(f"{rough}_x"):
+    if spec.shares(f"{rough}_x"):
         ends = [x for x in (min(v for v in values if v > 0.0), 0.5, max(values)) if x > 0.0]
         pairs = [(a, b) for a in ends for b in ends if a != b]
         found += [{"ndf": ndf, f"{rough}_x": a, f"{rough}_y": b} for ndf in spec.ndfs for a, b in pairs]
@@ -123,7 +123,7 @@ def thrifty(model: str, given: Given) -> Given:
     """Return the same parameters, cheaper: mirrors for facets without a reflectance, few paths, few rays."""
     spec, own = models.spec(model), models.checks(model)
     given = {**{k: v for k, v in getattr(own, "CHEAP", {}).items() if k not in given}, **given}
-    if spec.has("material") and not SOURCES & set(given):
+    if spec.shares("material") and not SOURCES & set(given):
         given = {**given, "material": "mirror"}
     if is_stochastic(resolve(model, **given)):
         given = {**given, "samples": min(given.get("samples", PATHS), PATHS)}

@@ -14,7 +14,6 @@ from brdftab import models
 from brdftab.errors import ParameterError
 from brdftab.models import Model, Param, twins
 from brdftab.models.setup import Setup, resolve
-from brdftab.validate.settings import SOURCES
 
 METAL = "Cu"
 Choice = tuple[dict[str, Any], tuple[str, ...]]
@@ -38,17 +37,17 @@ class Variant:
 def axes(spec: Model) -> list[list[Choice]]:
     """Return the choices of a model: for each, the list of (given, free) that it allows."""
     found: list[list[Choice]] = [
-        [({p.name: c}, ()) for c in p.choices] for p in spec.params if p.kind == "choice" and p.name != "material"
+        [({p.name: c}, ()) for c in p.choices] for p in spec.params if p.kind == "choice" and p.role != "optics"
     ]
     if spec.ndfs:
         one = spec.roughness
-        found.append([({}, (one,)), ({}, (f"{one}_x", f"{one}_y"))])
-    if spec.has("material"):
+        found.append([({}, (one,)), *([({}, (f"{one}_x", f"{one}_y"))] if spec.shares(f"{one}_x") else [])])
+    if spec.shares("material"):
         found.append([({}, ("eta", "k")), ({}, ("ior",)), ({}, ("f0",))])
         found[-1] += [({"material": METAL}, ()), ({"material": "mirror"}, ())]
-    elif spec.has("ior"):
-        found.append([({}, ("ior",)), *([({}, ("f0",))] if spec.has("f0") else [])])
-    if spec.has("max_bounces"):
+    elif spec.shares("ior"):
+        found.append([({}, ("ior",)), *([({}, ("f0",))] if spec.shares("f0") else [])])
+    if spec.shares("max_bounces"):
         found.append([({"max_bounces": n}, ()) for n in (None, 1, 3)])
     return found
 
@@ -93,13 +92,12 @@ def variants(model: str, *, pairs: bool = True) -> list[Variant]:
 
 def is_special(spec: Model, name: str) -> bool:
     """Tell whether a number belongs to the reflectance or the roughness, which `axes` deals with."""
-    one = spec.roughness if spec.ndfs else ""
-    return bool(spec.ndfs) and name in {*SOURCES, "exponent", one, f"{one}_x", f"{one}_y"}
+    return spec.has(name) and spec.param(name).role in ("optics", "roughness")
 
 
 def accepted(variant: Variant) -> bool:
     """Tell whether the choices go together, and have a twin: that of ilm follows single bounces."""
-    if dict(variant.given).get("bounces", "1") != "1":
+    if models.spec(variant.model).shares("bounces") and dict(variant.given).get("bounces", "1") != "1":
         return False
     return attempt(variant, np.random.default_rng(0), {}) is not None
 

@@ -10,7 +10,15 @@ SPEC = Model(
     params=(
         Param("nu", "", 200.0, (0.0, 1e6), "Phong exponent along azimuth 0; the larger, the narrower"),
         Param("nv", "", 20.0, (0.0, 1e6), "Phong exponent along azimuth 90 degrees"),
-        Param("kd", "", 0.0, (0.0, 1.0), "albedo of the base, lit by what F leaves; one value or three", "channels"),
+        Param(
+            "kd",
+            "",
+            0.0,
+            (0.0, 1.0),
+            "albedo of the base, lit by what F leaves; one value or three",
+            "channels",
+            role="albedo",
+        ),
         *FRESNEL_PARAMS,
     ),
     components=("specular", "diffuse"),

@@ -6,7 +6,7 @@ SPEC = Model(
     name="lambert",
     title="Lambertian diffuser",
     summary="constant kd/pi",
-    params=(Param("kd", "", 0.5, (0.0, 1.0), "albedo; one value or three (R, G, B)", "channels"),),
+    params=(Param("kd", "", 0.5, (0.0, 1.0), "albedo; one value or three (R, G, B)", "channels", role="albedo"),),
     components=("diffuse",),
     citation="Lambert: Photometria, 1760",
     doi="",

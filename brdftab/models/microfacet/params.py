@@ -7,11 +7,18 @@ from brdftab.models import Param
 NDFS = ("beckmann", "ggx", "phong")
 
 NDF_PARAMS = (
-    Param("ndf", "", "beckmann", None, "normal distribution function", "choice", NDFS),
-    Param("alpha", "", 0.5, (1e-4, 10.0), "roughness; Phong's exponent is 2/alpha^2 - 2"),
-    Param("alpha_x", "", None, (1e-4, 10.0), "roughness along azimuth 0 (Beckmann and GGX), with alpha_y"),
-    Param("alpha_y", "", None, (1e-4, 10.0), "roughness along azimuth 90 degrees, with alpha_x"),
-    Param("exponent", "", None, (-1.98, 2e8), "Phong exponent, instead of alpha"),
+    Param("ndf", "", "beckmann", None, "normal distribution function", "choice", NDFS, role="roughness"),
+    Param("alpha", "", 0.5, (1e-4, 10.0), "roughness; Phong's exponent is 2/alpha^2 - 2", role="roughness"),
+    Param(
+        "alpha_x",
+        "",
+        None,
+        (1e-4, 10.0),
+        "roughness along azimuth 0 (Beckmann and GGX), with alpha_y",
+        role="roughness",
+    ),
+    Param("alpha_y", "", None, (1e-4, 10.0), "roughness along azimuth 90 degrees, with alpha_x", role="roughness"),
+    Param("exponent", "", None, (-1.98, 2e8), "Phong exponent, instead of alpha", role="roughness"),
 )
 
 FRESNEL_PARAMS = (
@@ -22,6 +29,7 @@ FRESNEL_PARAMS = (
         None,
         "mirror (F = 1) or a metal by name; several wavelengths projected to linear sRGB",
         "choice",
+        role="optics",
     ),
     Param(
         "eta",
@@ -30,16 +38,47 @@ FRESNEL_PARAMS = (
         (1e-6, 1e4),
         "own refractive index, with k: one value, three (R, G, B) or one a wavelength",
         "channels",
+        role="optics",
     ),
-    Param("k", "", None, (0.0, 1e4), "own extinction coefficient, with eta", "channels"),
-    Param("ior", "", None, (1.0, 1e4), "dielectric refractive index; one value or three", "channels"),
-    Param("f0", "", None, (0.0, 1.0), "Schlick's reflectance at normal incidence; one value or three", "channels"),
-    Param("wavelengths", "nm", None, (200.0, 2500.0), "write these wavelengths as channels instead of RGB", "channels"),
-    Param("spectral_samples", "", None, (3, 81), "wavelengths behind RGB (default: chosen for the metal)", "int"),
+    Param("k", "", None, (0.0, 1e4), "own extinction coefficient, with eta", "channels", role="optics"),
+    Param("ior", "", None, (1.0, 1e4), "dielectric refractive index; one value or three", "channels", role="optics"),
+    Param(
+        "f0",
+        "",
+        None,
+        (0.0, 1.0),
+        "Schlick's reflectance at normal incidence; one value or three",
+        "channels",
+        role="optics",
+    ),
+    Param(
+        "wavelengths",
+        "nm",
+        None,
+        (200.0, 2500.0),
+        "write these wavelengths as channels instead of RGB",
+        "channels",
+        role="optics",
+    ),
+    Param(
+        "spectral_samples",
+        "",
+        None,
+        (3, 81),
+        "wavelengths behind RGB (default: chosen for the metal)",
+        "int",
+        role="optics",
+    ),
 )
 
 MAX_BOUNCES = Param(
-    "max_bounces", "", None, (1, 1_000_000), "leave out higher bounce orders; the energy lost is reported", "int"
+    "max_bounces",
+    "",
+    None,
+    (1, 1_000_000),
+    "leave out higher bounce orders; the energy lost is reported",
+    "int",
+    role="bounces",
 )
 
 NDF_NO_PHONG = (
@@ -52,6 +91,7 @@ NDF_NO_PHONG = (
         "choice",
         ("beckmann", "ggx"),
         "phong is left out: it has no Smith Lambda of its own, which every further bounce needs",
+        "roughness",
     ),
     *(p for p in NDF_PARAMS if p.name.startswith("alpha")),
 )
@@ -66,6 +106,7 @@ BOUNDARY_PARAMS = tuple(
         "channels",
         (),
         "below 1 swap the sides: give 1/ior and put the light below the surface, theta_i above 90 degrees",
+        "optics",
     )
     if p.name == "ior"
     else p
@@ -73,9 +114,22 @@ BOUNDARY_PARAMS = tuple(
 )
 
 SAMPLING_PARAMS = (
-    Param("samples", "", None, (1, 2**31), "paths a cell of estimators (default: as tolerance asks)", "int"),
-    Param("seed", "", 0, (0, 2**53), "seed of estimators; any thread count gives the same numbers", "int"),
-    Param("roulette", "", "off", None, "end dim paths of the estimators at random", "choice", ("off", "on")),
+    Param(
+        "samples", "", None, (1, 2**31), "paths a cell of estimators (default: as tolerance asks)", "int", role="paths"
+    ),
+    Param(
+        "seed", "", 0, (0, 2**53), "seed of estimators; any thread count gives the same numbers", "int", role="paths"
+    ),
+    Param(
+        "roulette",
+        "",
+        "off",
+        None,
+        "end dim paths of the estimators at random",
+        "choice",
+        ("off", "on"),
+        role="paths",
+    ),
 )
 
 SMITH_MASKING = Param(

@@ -9,8 +9,15 @@ SPEC = Model(
     title="Oren-Nayar rough diffuser",
     summary="Lambertian V-cavities, masking and one interreflection, by the 1994 fit",
     params=(
-        Param("kd", "", 0.5, (0.0, 1.0), "albedo of a facet; one value or three (R, G, B)", "channels"),
-        Param("sigma", "rad", math.radians(20.0), (0.0, math.pi / 2), "standard deviation of the facets' tilt"),
+        Param("kd", "", 0.5, (0.0, 1.0), "albedo of a facet; one value or three (R, G, B)", "channels", role="albedo"),
+        Param(
+            "sigma",
+            "rad",
+            math.radians(20.0),
+            (0.0, math.pi / 2),
+            "standard deviation of the facets' tilt",
+            role="tilt",
+        ),
         Param(
             "variant",
             "",

@@ -32,7 +32,15 @@ SPEC = Model(
         ),
         Param("bins", "", 256, BINS, "bins of angle across the scratch", "int"),
         Param("rays", "", None, (16, 1_000_000), "rays a bin (default: as tolerance asks)", "int"),
-        Param("max_bounces", "", None, (1, 1_000_000), "bounces followed (64 if not given); more are left out", "int"),
+        Param(
+            "max_bounces",
+            "",
+            None,
+            (1, 1_000_000),
+            "bounces followed (64 if not given); more are left out",
+            "int",
+            role="bounces",
+        ),
         Param(
             "fresnel",
             "",

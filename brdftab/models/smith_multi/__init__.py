@@ -20,6 +20,7 @@ SPEC = Model(
             "facets reflect all light from an angle on (eta < 1, k near 0)",
             "choice",
             ("auto", "solver", "pt", "bdpt", "hybrid"),
+            role="paths",
         ),
         *SAMPLING_PARAMS,
         MAX_BOUNCES,

@@ -18,7 +18,7 @@ CAPS = (1, 2, 3, 8, 64, 1000, 100_000, None)
 
 def reason(subject: Subject) -> str:
     """Say why the property does not apply, if so."""
-    return "" if subject.spec.has("max_bounces") else "the model has no cap on its bounces"
+    return "" if subject.spec.shares("max_bounces") else "the model has no cap on its bounces"
 
 
 def capped(setup: Setup, cap: int | None) -> Setup:

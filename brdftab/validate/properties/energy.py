@@ -22,7 +22,7 @@ AZIMUTH = 0.4
 
 def brightest(setup: Setup) -> Setup:
     """Return the setup with a white body, where it has one: at other albedos less comes back."""
-    if not setup.model.has("kd"):
+    if not setup.model.shares("kd"):
         return setup
     bounds = setup.model.param("kd").bounds
     assert bounds is not None

@@ -25,7 +25,7 @@ def furnaces(subject: Subject) -> list[Given]:
     own = subject.said("FURNACE", None)
     spec = subject.spec
     if own is None:
-        own = ({"material": "mirror"},) if spec.multibounce and spec.has("material") else ()
+        own = ({"material": "mirror"},) if spec.multibounce and spec.shares("material") else ()
     if not spec.ndfs:
         return list(own)
     rough = ROUGHNESSES[1:2] if subject.fast else ROUGHNESSES

@@ -8,6 +8,7 @@ import numpy as np
 
 from brdftab.materials.fresnel import CONDUCTOR
 from brdftab.models import twins
+from brdftab.models.microfacet.twin.static import WEIGHTS
 from brdftab.models.setup import Setup
 from brdftab.validate import differences, sweep
 from brdftab.validate.angles import directions
@@ -30,7 +31,7 @@ def reason(subject: Subject) -> str:
 def numbers(setup: Setup) -> dict[str, int]:
     """Return the names that a twin can be differentiated by and how many entries each has."""
     _, params = twins.split(setup)
-    return {k: v.size for k, v in params.items() if k != "weights" and not (k == "alpha_y" and setup.isotropic)}
+    return {k: v.size for k, v in params.items() if k != WEIGHTS and not (k == "alpha_y" and setup.isotropic)}
 
 
 def resolved(subject: Subject, setup: Setup) -> bool:

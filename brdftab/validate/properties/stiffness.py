@@ -30,11 +30,12 @@ def reason(subject: Subject) -> str:
 def range_of(subject: Subject, name: str) -> tuple[float, float]:
     """Return between which values a number is drawn."""
     spec = subject.spec
-    role = "roughness" if spec.ndfs and name == spec.roughness else name
-    bounds = spec.param(name).bounds
+    param = spec.param(name)
+    key = "roughness" if param.role == "roughness" else name if param.role else ""
+    bounds = param.bounds
     assert bounds is not None
     low, high = TYPICAL.get(
-        role, (bounds[0] + 0.02 * (bounds[1] - bounds[0]), bounds[1] - 0.02 * (bounds[1] - bounds[0]))
+        key, (bounds[0] + 0.02 * (bounds[1] - bounds[0]), bounds[1] - 0.02 * (bounds[1] - bounds[0]))
     )
     return max(low, bounds[0]), min(high, bounds[1])
 
@@ -45,7 +46,7 @@ def box(subject: Subject) -> list[Setup]:
     names = [p.name for p in spec.params if p.kind in ("float", "channels") and not sweep.is_special(spec, p.name)]
     if spec.ndfs:
         names.append(spec.roughness)
-        names.append("f0" if spec.has("material") else "ior")
+        names += ["f0" if spec.shares("material") else "ior"] if spec.of_role("optics") else []
     rng = np.random.default_rng(zlib.crc32(subject.model.encode()))
     count = subject.said("BOX", {}).get("fast" if subject.fast else "full", 6 if subject.fast else 40)
     found = []

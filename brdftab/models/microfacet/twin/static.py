@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+# name under which weights (W, C) of wavelengths go beside a twin's numbers: no parameter can be called so
+WEIGHTS = "spectral weights"
+
 
 @dataclass(frozen=True)
 class Static:
