@@ -13,11 +13,13 @@ import pytest
 from rglfile import identity, tensor_bytes
 
 import brdftab
+from brdftab import directions
 from brdftab.errors import BrdftabError, FileFormatError, ParameterError
 from brdftab.fitting.checks import reciprocity_floor, suspicions
 from brdftab.fitting.data import REASONS, dataset, load
 from brdftab.fitting.metrics import error_by_theta, metrics
-from brdftab.fitting.source import stratified
+from brdftab.fitting.resolution import narrowest, slopes
+from brdftab.fitting.source import near_mirror, stratified
 from brdftab.grid import Grid
 from brdftab.io.merl import write_merl
 from brdftab.measurement import Measurement
@@ -89,7 +91,7 @@ def test_draws_are_stratified_and_seeded():
         ({"theta_max": 75.0}, "theta_max = 4297.18 degrees"),
         ({"theta_max": math.nan}, "theta_max"),
         ({"theta_max": "75"}, "theta_max"),
-        ({"sampling": "random"}, "uniform, solid-angle, grid"),
+        ({"sampling": "random"}, "uniform, mirror, solid-angle, grid"),
         ({"saturation": 0.0}, "saturation"),
     ],
 )
@@ -406,3 +408,53 @@ def test_weights_fall_below_the_noise_floor(loss, offset):
     expected = [(max(v, 0.0) + offset) / np.sqrt((max(v, 0.0) + offset) ** 2 + 0.03**2) for v in values[:, 0]]
     np.testing.assert_allclose(noise_weight(loss, values, 0.03)[:, 0], expected, rtol=1e-14)
     assert (noise_weight(loss, values, 0.0) == 1.0).all()
+
+
+# ---------------------------------------------------------------- around the mirror direction
+
+
+def test_mirror_sampling_draws_half_of_all_there():
+    theta_i, theta_o, phi = near_mirror(TOP, 4000, 3)
+    assert theta_i.min() >= 0.0
+    assert theta_o.min() >= 0.0
+    assert max(theta_i.max(), theta_o.max()) <= TOP
+    # uniform over the projected solid angle: the mean of sin^2 is half of the largest
+    assert np.mean(np.sin(theta_i) ** 2) == pytest.approx(0.5 * math.sin(TOP) ** 2, rel=0.03)
+    inner = (theta_i > 0.4) & (theta_i < TOP - 0.4)
+    assert np.std((theta_o - theta_i)[inner]) == pytest.approx(0.12, rel=0.05)
+    assert math.sqrt(np.mean((math.pi - phi) ** 2)) == pytest.approx(0.15, rel=0.05)
+    fine = brdftab.tabulate("lambert", "45x45x90")
+    near, plain = (dataset(fine, theta_max=TOP, sampling=s, samples=2000) for s in ("mirror", "uniform"))
+    assert near.sampling == "mirror"
+    assert [np.mean(slopes(p) < 0.1) > 0.3 for p in (near, plain)] == [True, False]
+
+
+def test_the_narrowest_lobe_is_one_that_directions_see():
+    slope = np.concatenate([np.full(7, 0.01), np.linspace(0.05, 1.0, 100)])
+    assert narrowest(slope, 1e-4, 10.0) == pytest.approx(0.059, rel=0.05)
+    assert narrowest(np.append(slope, 0.01), 1e-4, 10.0) == pytest.approx(0.005, rel=0.03)
+    assert narrowest(np.zeros(20), 1e-4, 10.0) == 1e-4
+    theta = np.array([0.3, 1.2]), np.array([0.5, 1.1]), np.array([3.0, 0.2])
+    theta_h = directions.half_difference(theta[0], 0.0 * theta[2], theta[1], theta[2])[0]
+    points = dataset(brdftab.tabulate("lambert", "8x8x8"))
+    np.testing.assert_allclose(
+        slopes(dataclasses.replace(points, theta_i=theta[0], theta_o=theta[1], phi=theta[2])), np.tan(theta_h)
+    )
+
+
+def test_a_spike_between_the_directions_is_told_and_bounded():
+    table = brdftab.tabulate("smith", "90x90x180", ndf="ggx", alpha=0.5, f0=0.04)
+    table.values[:] += brdftab.tabulate("lambert", "90x90x180", kd=0.2).values
+    plain = brdftab.Table(table.values, table.grid, table.channels)
+    free = brdftab.fit(plain, "smith+lambert", ndf="ggx", samples=2000)
+    assert not any(line.startswith(("spike", "poor")) for line in free.warnings)
+    least = free.points["least_roughness"]["alpha"]
+    assert 1e-3 < least < 0.05
+    # a lobe that no direction sees, of any height
+    spike = brdftab.fit(plain, "smith+lambert", ndf="ggx", alpha=5e-3, samples=2000)
+    assert any(line.startswith("spike: ") for line in spike.warnings)
+    # a mirror seen through few directions: the bound stands where they end
+    mirror = brdftab.tabulate("smith", "90x90x180", ndf="beckmann", alpha=2e-3, f0=0.9)
+    mirror.values[:] += 0.01
+    sharp = brdftab.fit(brdftab.Table(mirror.values, mirror.grid, mirror.channels), "smith+lambert", samples=500)
+    assert sharp.values["alpha"] >= sharp.points["least_roughness"]["alpha"]

@@ -39,9 +39,10 @@ ORIGIN = {"user": "", "file": " (from the file)", "default": " (default)"}
 @click.option("--robust", metavar="SCALE", help="Soft-L1 with this scale of the residual, or auto.")
 @click.option(
     "--sampling",
-    type=Choice(["uniform", "solid-angle", "grid"]),
+    type=Choice(["uniform", "mirror", "solid-angle", "grid"]),
     default="uniform",
-    help="Directions uniform in the angles, with views uniform over the solid angle, or all cells [default: uniform].",
+    help="Directions uniform in the angles, half around the mirror direction, views uniform over the solid angle, or "
+    "all cells [default: uniform].",
 )
 @click.option("--samples", type=int, default=20000, help="Directions to draw [default: 20000].")
 @click.option("--saturation", type=float, help="Value from which on data are clipped [1/sr].")

@@ -11,10 +11,10 @@ from brdftab.axes import short
 from brdftab.directions import relative_azimuth
 from brdftab.errors import BrdftabError, ParameterError
 from brdftab.fitting.checks import reciprocity_floor, suspicions
-from brdftab.fitting.source import Source, as_measurement, check_theta_max, describe, load, stratified
+from brdftab.fitting.source import Source, as_measurement, check_theta_max, describe, load, near_mirror, stratified
 from brdftab.measurement import Array, Cells, Mask, Measurement
 
-SAMPLINGS = ("uniform", "solid-angle", "grid")
+SAMPLINGS = ("uniform", "mirror", "solid-angle", "grid")
 # values clipped in float32 may round to just below the clip
 SLACK = 1e-6
 REASONS = ("below horizon", "beyond theta_max", "not finite", "not valid", "negative or zero")
@@ -80,12 +80,13 @@ def dataset(
         Isotropic.
     theta_max : float or None
         Largest polar angle of light and view, radians in (0, pi/2].
-    sampling : {"uniform", "solid-angle", "grid"}
+    sampling : {"uniform", "mirror", "solid-angle", "grid"}
         "uniform" draws directions stratified-uniform in theta_i, theta_o and phi. Where the source has a dense grid
         (tables, MERL) each draw takes the cell that holds it, at the cell's own direction and each cell once: nothing
         is interpolated, so noise stays independent, an outlier spoils one point, and clipped values stay clipped. RGL
-        files are evaluated at the draw. "solid-angle" draws the view uniform over the solid angle, as renderers meet
-        it and some other fitters draw it. "grid" takes every cell of the source.
+        files are evaluated at the draw. "mirror" draws half of all around the mirror direction. "solid-angle" draws the
+        view uniform over the solid angle, as renderers meet it and some other fitters draw it. "grid" takes every cell
+        of the source.
     samples : int
         About how many directions to draw.
     seed : int
@@ -137,9 +138,12 @@ def dataset(
 
 def _drawn(found: Measurement, top: float, samples: int, seed: int, sampling: str) -> Cells:
     """Return the cells that hold uniform draws, or the values at the draws."""
-    drawn = stratified(top, samples, seed, sampling == "solid-angle")
-    cells = found.cells_at(*drawn)
-    return Cells(*drawn, *found.at(*drawn)) if cells is None else cells
+    ti, to, phi = stratified(top, samples, seed, sampling == "solid-angle")
+    if sampling == "mirror":
+        few, many = stratified(top, max(samples // 2, 1), seed), near_mirror(top, max(samples // 2, 1), seed)
+        ti, to, phi = (np.concatenate(pair) for pair in zip(few, many, strict=True))
+    cells = found.cells_at(ti, to, phi)
+    return Cells(ti, to, phi, *found.at(ti, to, phi)) if cells is None else cells
 
 
 def _judge(cells: Cells, top: float, positive: bool) -> tuple[Mask, dict[str, list[int]]]:

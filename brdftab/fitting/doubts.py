@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.fitting.engine import AGREE, BIAS, Outcome
+from brdftab.fitting.resolution import FEWEST
 
 Array = NDArray[np.float64]
 CORRELATED = 0.95
@@ -19,6 +20,8 @@ SHARE, LEAST = 2.0, 0.02
 ABOVE_FLOOR = 1.5
 # log-RMS, a typical factor of 1.35, that counts where too few directions tell the noise
 POOR = 0.3
+# error around the mirror direction, relative to the data and to the fit's own, that no tail of a lobe explains
+SPIKE = 2.0
 # relative standard error from which on a parameter says little
 VAGUE = 0.3
 
@@ -35,6 +38,8 @@ def doubts(
     by_theta: Sequence[dict[str, Any]],
     judged: float,
     noise: float | None,
+    least: Mapping[str, float],
+    near: float | None,
     cause: str,
 ) -> list[str]:
     """Return warnings.
@@ -61,6 +66,10 @@ def doubts(
         Log-RMS over what is brighter than the data's floor and the noise floor.
     noise : float or None
         Of the same, what neighbouring directions disagree by.
+    least : mapping of str to float
+        Roughnesses, by name, below which too few directions see a lobe.
+    near : float or None
+        Cosine-weighted error around the mirror direction, at other directions than those of the fit.
     cause : str
         What to look at first if the fit is poor.
     """
@@ -68,13 +77,20 @@ def doubts(
     if outcome.verdict != "converged":
         lines.append(f"the solver {outcome.verdict}; the values are those of its best step")
     for name, value, stuck in zip(labels, outer, at_bound, strict=True):
-        if stuck:
+        if stuck and value == least.get(name):
+            lines.append(f"{name} = {value:g} lies on its bound: fewer than {FEWEST} directions see a narrower lobe")
+        elif stuck:
             lines.append(f"{name} = {value:g} lies on its bound: the data pull beyond it, or do not determine it")
     lines += _correlations(labels, correlation)
     for n, name in enumerate(labels):
         if not at_bound[n] and spread[n] > VAGUE * abs(outer[n]):
             lines.append(f"{name} = {outer[n]:.3g} +- {spread[n]:.2g} is hardly determined by the data")
     lines += _starts(outcome)
+    if near is not None and near > max(SPIKE, SPIKE * metrics["cosine_rms"]):
+        lines.append(
+            f"spike: around the mirror direction, between the directions of the fit, f cos is off by {near:.3g} times "
+            "the data; fit with --sampling mirror"
+        )
     lines += _misfit(metrics, by_theta, judged, noise, cause)
     worst = np.abs(bias)
     if worst.size and worst.max() > BIAS:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.errors import ParameterError
+from brdftab.errors import BrdftabError, ParameterError
 from brdftab.fitting.data import Dataset, dataset, suspicions
 from brdftab.fitting.doubts import doubts
 from brdftab.fitting.engine import STARTS, Fitter, Options, Outcome, covariance
@@ -17,16 +17,20 @@ from brdftab.fitting.held import held, of_data
 from brdftab.fitting.losses import LOSSES, MEANING
 from brdftab.fitting.metrics import error_by_theta, log_ratio, metrics
 from brdftab.fitting.noise import neighbour_noise
+from brdftab.fitting.resolution import least_roughness, resolved
 from brdftab.fitting.result import FitResult
 from brdftab.fitting.solver import MAX_STEPS, SOLVERS
 from brdftab.fitting.source import Source, load
 from brdftab.fitting.terms import Sum, parse, shares
+from brdftab.measurement import Measurement
 from brdftab.table import Table
 from brdftab.timing import Clock
 
 Array = NDArray[np.float64]
 THETA_MAX = math.radians(75.0)
 BINS = 5
+# directions that show whether a lobe is a spike
+NEAR = 4000
 METRICS = ("logeps", "log_rms", "cube_root_rms", "cosine_rms", "l1p")
 
 
@@ -68,9 +72,9 @@ def fit(
         f cos(theta_i), ln(1 + f).
     robust : float or "auto", optional
         Scale of the soft-L1 loss in units of the residual; "auto" takes 1.5 times the spread of a first fit.
-    sampling : {"uniform", "solid-angle", "grid"}, optional
-        Directions stratified-uniform in theta_i, theta_o, phi; with the views uniform over the solid angle; or all
-        cells of the data.
+    sampling : {"uniform", "mirror", "solid-angle", "grid"}, optional
+        Directions stratified-uniform in theta_i, theta_o, phi; half of them around the mirror direction; with the views
+        uniform over the solid angle; or all cells of the data.
     samples : int, optional
         How many directions to draw.
     seed : int, optional
@@ -120,16 +124,26 @@ def fit(
         saturation=saturation,
         positive=loss == "log",
     )
+    near = _near_mirror(source, theta_max, seed)
     doubted = suspicions(source, theta_max, seed)
     results = []
     for total in sums:
-        results.append(fit_points(total, points, options, made))
+        results.append(fit_points(total, points, options, made, near))
         results[-1].warnings += doubted
         results[-1].times |= {"total": clock.seconds, "compile": clock.compiling}
         clock = Clock()
     best, *rest = sorted(results, key=lambda r: r.bic)
     best.alternatives = rest
     return best
+
+
+def _near_mirror(source: Table | Measurement, theta_max: float | None, seed: int) -> Dataset | None:
+    """Return points around the mirror direction that a fit is held against; None where the data have none."""
+    top = THETA_MAX if theta_max is None else theta_max
+    try:
+        return dataset(source, theta_max=top, sampling="mirror", samples=NEAR, seed=seed + 1)
+    except BrdftabError:
+        return None
 
 
 def _names(free: Sequence[str] | str | None) -> list[str] | None:
@@ -166,12 +180,20 @@ def _options(
     return Options(loss, robust, noise_floor, solver, int(starts), dict(start or {}), int(max_steps), int(seed))
 
 
-def fit_points(total: Sum, points: Dataset, options: Options, made: Mapping[str, Any] | None = None) -> FitResult:
+def fit_points(
+    total: Sum,
+    points: Dataset,
+    options: Options,
+    made: Mapping[str, Any] | None = None,
+    near: Dataset | None = None,
+) -> FitResult:
     """Fit a parsed sum to points: what `fit` does once data and options are settled.
 
-    `made` is the provenance of the data, which a poor fit is explained by.
+    `made` is the provenance of the data, which a poor fit is explained by; `near` are other points of them, around the
+    mirror direction, at which a spike between the points shows.
     """
     clock = Clock()
+    total = resolved(total, points)
     fitter = Fitter(total, points, options)
     outcome = fitter.run()
     channels = len(points.channels)
@@ -223,6 +245,7 @@ def fit_points(total: Sum, points: Dataset, options: Options, made: Mapping[str,
             "residuals": outcome.residuals,
             "saturated": int(points.saturated.sum()),
             "left_out": points.left_out,
+            "least_roughness": least_roughness(total),
         },
         loss={
             "residual": options.loss,
@@ -252,9 +275,17 @@ def fit_points(total: Sum, points: Dataset, options: Options, made: Mapping[str,
             by_theta,
             judged,
             noise,
+            least_roughness(total),
+            None if near is None else _error_at(fitter, outcome.x, near),
             _cause(total, made or {}, [h[0] for h in kept], [n for n, b in zip(labels, at_bound, strict=True) if b]),
         ),
     )
+
+
+def _error_at(fitter: Fitter, x: Array, points: Dataset) -> float:
+    """Return the cosine-weighted error of a fit at other points than its own, relative to the data there."""
+    fitted = fitter.predict(x, points.theta_i, points.theta_o, points.phi)
+    return metrics(fitted, points.values, points.valid, points.theta_i, points.theta_o)["cosine_rms"]
 
 
 def _cause(total: Sum, made: Mapping[str, Any], kept: Sequence[Mapping[str, Any]], bound: Sequence[str]) -> str:

@@ -18,6 +18,8 @@ from brdftab.table import Table
 Array = NDArray[np.float64]
 Source = Table | Measurement | str | os.PathLike[str]
 MAX_SAMPLES = 10**8
+# standard deviations of theta_o and phi around the mirror direction, radians
+SPREAD = (0.12, 0.15)
 
 
 def load(source: Source) -> Table | Measurement:
@@ -122,3 +124,29 @@ def stratified(theta_max: float, samples: int, seed: int, solid_angle: bool = Fa
     if solid_angle:
         theta_o = np.arccos(1.0 - (theta_o / theta_max) * (1.0 - math.cos(theta_max)))
     return theta_i, theta_o, phi
+
+
+def near_mirror(theta_max: float, samples: int, seed: int) -> tuple[Array, Array, Array]:
+    """Draw lights uniform over the projected solid angle and views around their mirror directions.
+
+    Parameters
+    ----------
+    theta_max : float
+        Radians.
+    samples : int
+        How many, at least 1.
+    seed : int
+        Not negative; the same seed gives the same directions.
+
+    Returns
+    -------
+    theta_i, theta_o : ndarray of float64, shape (samples,), in [0, theta_max]
+    phi : ndarray of float64, shape (samples,), in [0, pi]
+    """
+    rng = np.random.default_rng((seed, 1))
+    theta_i = np.arcsin(math.sin(theta_max) * np.sqrt(rng.random(samples)))
+    aside, around = rng.normal(0.0, 1.0, (2, samples)) * np.array(SPREAD)[:, None]
+    theta_o = np.abs(theta_i + aside)
+    # what lies beyond the end is put back as far before it
+    theta_o = np.clip(np.minimum(theta_o, 2.0 * theta_max - theta_o), 0.0, theta_max)
+    return theta_i, theta_o, math.pi - np.minimum(np.abs(around), math.pi)
