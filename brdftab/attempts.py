@@ -172,10 +172,10 @@ def until_met(
             continue
         run = Run(setup, grid, dtype, asked, orders, fast)
         run.compute(nodes, progress)
-        judged = estimate(setup, grid, run.total, run.cells, tolerance, nodes)
+        judged = estimate(setup, grid, run.total, run.cells, tolerance, nodes, run.values, orders)
         if judged.largest > max(tolerance, floor) and run.refine(judged.worst):
             # only the averages of the mirror cells fall short: they alone are made again
-            judged = estimate(setup, grid, run.total, run.cells, tolerance, MIRROR_NODES[1])
+            judged = estimate(setup, grid, run.total, run.cells, tolerance, MIRROR_NODES[1], run.values, orders)
         cost += run.kernel_time
         if best is None or judged.largest < best[1].largest:
             best = run, judged

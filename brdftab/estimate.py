@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brdftab.agreement import least_errors
 from brdftab.cell_averages import NODES, box_nodes, cell_averages
 from brdftab.cells import FLOOR, mirror_average
 from brdftab.energy import energies
 from brdftab.engine import Engine
 from brdftab.grid import Grid
 from brdftab.lobe import unresolved
-from brdftab.models.setup import Setup
+from brdftab.models.setup import Setup, component_names
 
 Array = NDArray[np.float64]
 SAMPLES = 256
@@ -29,6 +30,8 @@ FINER, MOST = {True: 2, False: 1}, {True: 1 << 22, False: 1 << 23}
 # rows' energies beside albedos that are exact to this share of the tolerance
 ALBEDO = 0.25
 ENERGY = "largest difference of a row's energy to the albedo, over the largest channel, at rows from first to last"
+# cells compared with looser rules, too, where finer ones agree to the last bit
+EQUAL = 16
 # an error above this is a table that misses its lobe, which no tolerance mends
 LOOSEST = 0.1
 DEFINITION = (
@@ -53,6 +56,9 @@ class Estimate:
         Index of the worst cell.
     energy : dict or None
         Of averages: the light in some rows beside their albedo; `largest` counts it in.
+    components : dict or None
+        By name, over the same cells: the largest ``absolute`` error, 1/sr, and the largest ``relative`` one, over the
+        component's own largest channel (at least 1e-9/sr).
     """
 
     largest: float
@@ -62,6 +68,7 @@ class Estimate:
     mirror_cells: int
     worst: tuple[int, ...]
     energy: dict[str, Any] | None = None
+    components: dict[str, dict[str, float]] | None = None
 
     @property
     def reason(self) -> str:
@@ -85,6 +92,7 @@ class Estimate:
             "mirror_cells": self.mirror_cells,
             "worst_cell": list(self.worst),
             **({"row_energy": self.energy} if self.energy else {}),
+            **({"components": self.components} if self.components else {}),
             "definition": DEFINITION if self.energy is None else f"{DEFINITION}; and {ENERGY}",
         }
 
@@ -113,9 +121,9 @@ def cell_angles(grid: Grid, cells: NDArray[np.int64]) -> tuple[Array, Array, Arr
 
 
 def _averaged(
-    setup: Setup, grid: Grid, mirror_cells: NDArray[np.int64], tolerance: float, nodes: int
+    setup: Setup, grid: Grid, mirror_cells: NDArray[np.int64], tolerance: float, nodes: int, orders: int
 ) -> tuple[NDArray[np.int64], Array, int]:
-    """Return cells of a table of averages, their finer averages (K, C), and how many see a narrow lobe.
+    """Return cells of a table of averages, their finer averages (K, P, C), and how many see a narrow lobe.
 
     Cells that see the lobe, or a mirror direction without a finite value, are among them from the first to the last.
     """
@@ -127,30 +135,30 @@ def _averaged(
     if len(held):
         held = held[np.unique(np.linspace(0, len(held) - 1, LOBES).round().astype(int))]
         cells = np.unique(np.concatenate([cells, held]), axis=0)
-    engine = Engine(setup, max(REFERENCE * tolerance, 1e-13), fast=False)
+    engine = Engine(setup, max(REFERENCE * tolerance, 1e-13), orders, fast=False)
     # the first rule of averages asks its boxes for the tolerance, later ones for less
     finer = box_nodes(grid, tolerance if nodes <= NODES else REFERENCE * tolerance) + FINER[grid.isotropic]
     narrow = lobed[tuple(cells.T)]
     reference, _ = cell_averages(engine, grid, cells, REFERENCE * tolerance, finer, narrow, MOST[grid.isotropic])
-    return cells, reference[:, 0], int(np.count_nonzero(narrow))
+    return cells, reference, int(np.count_nonzero(narrow))
 
 
 def _pointwise(
-    setup: Setup, grid: Grid, singular_cells: NDArray[np.int64], tolerance: float, nodes: int
+    setup: Setup, grid: Grid, singular_cells: NDArray[np.int64], tolerance: float, nodes: int, orders: int
 ) -> tuple[NDArray[np.int64], Array, int]:
-    """Return cells of a table of points, their values (K, C) by a finer rule, and how many hold averages instead."""
-    fine = Engine(setup, max(0.01 * tolerance, 1e-13), fast=False)
+    """Return cells of a table of points, their values (K, P, C) by a finer rule, and how many hold averages instead."""
+    fine = Engine(setup, max(0.01 * tolerance, 1e-13), orders, fast=False)
     cells = stratified_cells(grid, SAMPLES)
     if len(singular_cells):
         is_singular = (cells[:, None, :] == singular_cells[None, :, :]).all(axis=2).any(axis=1)
         cells = cells[~is_singular]
-    reference = fine.points(*(np.ascontiguousarray(a) for a in cell_angles(grid, cells)))[:, 0]
+    reference = fine.points(*(np.ascontiguousarray(a) for a in cell_angles(grid, cells)))
     if not len(singular_cells):
         return cells, reference, 0
     pick = np.unique(np.linspace(len(singular_cells) // 3, len(singular_cells) - 1, MIRRORS).round().astype(int))
     some = singular_cells[pick]
-    rough = Engine(setup, min(0.1 * tolerance, 1e-4), fast=False)
-    means = mirror_average(rough, grid, some, max(MIRROR_FINE, nodes + 1))[:, 0]
+    rough = Engine(setup, min(0.1 * tolerance, 1e-4), orders, fast=False)
+    means = mirror_average(rough, grid, some, max(MIRROR_FINE, nodes + 1))
     return np.concatenate([cells, some]), np.concatenate([reference, means]), len(some)
 
 
@@ -161,6 +169,8 @@ def estimate(
     singular_cells: NDArray[np.int64],
     tolerance: float,
     nodes: int,
+    layers: NDArray[np.floating] | None = None,
+    orders: int = 0,
 ) -> Estimate:
     """Compare a table with a refined evaluation on a stratified subset of its cells.
 
@@ -178,14 +188,19 @@ def estimate(
         Relative error asked of the table.
     nodes : int
         Gauss nodes a coordinate that averaged cells were made with (0: point values).
+    layers : ndarray (P, ..., C), optional
+        The components of the table, whose errors are estimated, too.
+    orders : int, optional
+        How many bounce orders are components; 0 for the total alone.
     """
-    if grid.cell == "average":
-        cells, reference, mirrors = _averaged(setup, grid, singular_cells, tolerance, nodes)
-    else:
-        cells, reference, mirrors = _pointwise(setup, grid, singular_cells, tolerance, nodes)
+    found = _averaged if grid.cell == "average" else _pointwise
+    cells, parts, mirrors = found(setup, grid, singular_cells, tolerance, nodes, orders)
+    reference = parts.sum(axis=1)
     compared = values[tuple(cells.T)]
     scale = np.maximum(np.abs(reference).max(axis=1), FLOOR)
     error = np.abs(compared.astype(np.float64) - reference).max(axis=1) / scale
+    if str(values.dtype) == "float64" and grid.cell != "average":
+        error = np.maximum(error, _least(setup, grid, cells[: len(cells) - mirrors], compared, error, tolerance))
     worst = int(np.argmax(error))
     energy = energies(setup, grid, values, ALBEDO * tolerance) if grid.cell == "average" else None
     return Estimate(
@@ -196,4 +211,35 @@ def estimate(
         mirror_cells=mirrors,
         worst=tuple(int(k) for k in cells[worst]),
         energy=energy,
+        components=None if layers is None or not orders else _by_component(setup, orders, layers, cells, parts),
     )
+
+
+def _by_component(
+    setup: Setup, orders: int, layers: NDArray[np.floating], cells: NDArray[np.int64], parts: Array
+) -> dict[str, dict[str, float]]:
+    """Return the largest errors of each component (P, ..., C) over cells with references (K, P, C)."""
+    found = {}
+    for n, name in enumerate(component_names(setup, orders)):
+        reference = parts[:, n]
+        gap = np.abs(layers[n][tuple(cells.T)].astype(np.float64) - reference).max(axis=1)
+        own = np.maximum(np.abs(reference).max(axis=1), FLOOR)
+        found[name] = {"absolute": float(gap.max()), "relative": float((gap / own).max())}
+    return found
+
+
+def _least(setup: Setup, grid: Grid, cells: NDArray[np.int64], values: Array, error: Array, tolerance: float) -> Array:
+    """Return the least relative errors (K,) where rules agree to the last bit; 0 elsewhere and for mirror cells."""
+    found = np.zeros(len(values))
+    equal = np.flatnonzero(error[: len(cells)] == 0.0)[:EQUAL]
+    if not equal.size:
+        return found
+    angles = [np.ascontiguousarray(a[equal]) for a in cell_angles(grid, cells)]
+
+    def evaluate(at: NDArray[np.intp], wanted: float) -> Array:
+        return Engine(setup, wanted, fast=False).points(*(a[at] for a in angles))
+
+    given = values[equal][:, None]
+    size = np.maximum(np.abs(given).max(axis=-1), FLOOR)
+    found[equal] = (least_errors(given, tolerance, evaluate, scale=size) / size)[:, 0]
+    return found

@@ -106,18 +106,27 @@ def test_the_time_that_is_left_is_that_of_this_attempt(monkeypatch, capsys):
     assert len(told.splitlines()) == 1
 
 
+def heed_interruptions():
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 @pytest.mark.parametrize("given", [["--alpha-x", ".2", "--alpha-y", ".5"], ["--cell", "average"]])
 def test_ctrl_c_is_answered_at_once(tmp_path, given):
     tabulate("vgroove-sym", "4x4x8", alpha_x=0.2, alpha_y=0.2)
     words = ["tabulate", "--model", "vgroove-nonsym", *given, "--tolerance", "1e-6", "--out", str(tmp_path / "a.exr")]
-    run = subprocess.Popen([*BRDFTAB, *words], stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    # past the imports, in the middle of compiling or evaluating
-    time.sleep(8.0)
-    assert run.poll() is None
-    run.send_signal(signal.SIGINT)
-    # a second is the aim; one function that is being compiled under load takes longer
-    _, told = run.communicate(timeout=120.0)
+    pipes = {"stderr": subprocess.PIPE, "stdout": subprocess.PIPE}
+    # what starts in the background of a shell inherits that it ignores interruptions
+    run = subprocess.Popen([*BRDFTAB, *words], text=True, preexec_fn=heed_interruptions, **pipes)
+    try:
+        # past the imports, in the middle of compiling or evaluating
+        time.sleep(8.0)
+        assert run.poll() is None
+        run.send_signal(signal.SIGINT)
+        # a second is the aim; one function that is being compiled under load takes longer
+        _, told = run.communicate(timeout=120.0)
+    finally:
+        run.kill()
     assert run.returncode == 130
     assert told.strip().endswith("Aborted")
     assert "Traceback" not in told
