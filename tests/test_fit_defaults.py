@@ -2,6 +2,7 @@
 
 import json
 import math
+import subprocess
 import sys
 
 import numpy as np
@@ -310,7 +311,11 @@ def test_names_mean_what_their_model_says(tmp_path):
     # through the command line, where the same options serve the other models
     out = tmp_path / "a.npz"
     words = [f"--{n.replace('_', '-')}={v}" for n, v in given.items()]
-    told("tabulate", "--model", "own-names", *words, "--sigma", "30", "--grid", "10x10x8", "--out", out)
+    call = (
+        f"from brdftab import models; models.__path__.append({str(tmp_path)!r}); from brdftab.cli import main; main()"
+    )
+    words += ["--sigma=30", "--grid=10x10x8", f"--out={out}"]
+    subprocess.run([sys.executable, "-c", call, "tabulate", "--model=own-names", *words], check=True)
     table = brdftab.read(out)
     assert table.provenance["parameters"]["sigma"] == pytest.approx(math.radians(30.0))
     assert table.provenance["parameters"]["max_bounces"] == 7.5

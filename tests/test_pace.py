@@ -106,18 +106,15 @@ def test_the_time_that_is_left_is_that_of_this_attempt(monkeypatch, capsys):
     assert len(told.splitlines()) == 1
 
 
-def heed_interruptions():
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-
-
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 @pytest.mark.parametrize("given", [["--alpha-x", ".2", "--alpha-y", ".5"], ["--cell", "average"]])
 def test_ctrl_c_is_answered_at_once(tmp_path, given):
     tabulate("vgroove-sym", "4x4x8", alpha_x=0.2, alpha_y=0.2)
     words = ["tabulate", "--model", "vgroove-nonsym", *given, "--tolerance", "1e-6", "--out", str(tmp_path / "a.exr")]
-    pipes = {"stderr": subprocess.PIPE, "stdout": subprocess.PIPE}
     # what starts in the background of a shell inherits that it ignores interruptions
-    run = subprocess.Popen([*BRDFTAB, *words], text=True, preexec_fn=heed_interruptions, **pipes)
+    heed = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    start = [BRDFTAB[0], BRDFTAB[1], heed + BRDFTAB[2], *words]
+    run = subprocess.Popen(start, text=True, stderr=subprocess.PIPE, stdout=subprocess.PIPE)
     try:
         # past the imports, in the middle of compiling or evaluating
         time.sleep(8.0)
@@ -143,8 +140,12 @@ def test_interruptions_that_a_callback_swallows_are_not_printed(monkeypatch):
 
         ctypes.CFUNCTYPE(None)(callback)()
 
-    with answered():
-        raising(KeyboardInterrupt)
-        raising(ValueError("else"))
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with answered():
+            raising(KeyboardInterrupt)
+            raising(ValueError("else"))
+    finally:
+        signal.signal(signal.SIGINT, before)
     raising(KeyboardInterrupt)
     assert told == [ValueError, KeyboardInterrupt]
