@@ -201,16 +201,18 @@ def evaluate_point(
 
     The value is compared with those at a hundredth of the tolerance and at looser ones, up to the first that differs:
     the error is the difference to the finer one, but no less than what the looser ones support (`least_errors`),
-    relative to the largest channel, plus the rounding of float64. Where the model's finest rule is asked, none is finer
-    and the error is the difference to the looser one. Of an estimate with noise it is the standard error instead.
+    relative to the largest channel, plus the rounding of float64. Where the model has no rule that fine, the error is
+    the difference to the first looser one than its finest that differs. Of an estimate with noise it is the standard
+    error instead, or 1 where bounces were looked for and no path found any.
     `progress` is called with the finished share of what the value is compared with.
 
     Returns
     -------
     dict
-        model, parameters, channels, value, components (None unless asked), component_errors (None unless asked; by name
-        {"absolute": in 1/sr, "relative": to the component's own largest channel}), delta (None but at the mirror
+        model, parameters, channels, value, components (None unless asked), component_errors (None unless asked; by
+        name {"absolute": in 1/sr, "relative": to the component's own largest channel}), delta (None but at the mirror
         direction of a flat interface: the share of light, a channel each, that is reflected there beside `value`),
+        unreached (True if no path of an estimate found bounces beyond the first, so that nothing is known of them),
         error, spectral (see `spectral`: what few wavelengths leave is no part of the error), run_time_s (of the value)
         and error_time_s (of what it was compared with), compilation left out; JSON-able.
     """
@@ -218,6 +220,7 @@ def evaluate_point(
     orders = ORDERS if components else 0
     at = (theta_i, theta_o, phi, phi_i)
     clock = Clock()
+    unreached = False
     if is_stochastic(setup):
         angles = [np.array([a], dtype=np.float64) for a in at]
         found = models.kernel(setup.model.name).estimates(setup, *angles, orders=orders, tolerance=asked)
@@ -225,6 +228,7 @@ def evaluate_point(
         values = found.values[0]
         spread = float(found.standard_error.max())
         errors = found.component_errors[0].max(axis=-1)
+        unreached = spread == 0.0 and setup.max_bounces != 1
     else:
         values = evaluate_setup(setup, *at, orders, asked)
         elapsed = clock.seconds
@@ -232,6 +236,11 @@ def evaluate_point(
     everything = clock.seconds
     total = values.sum(axis=0)
     names = component_names(setup, orders) if components else ()
+
+    def relative(error: float, value: Array) -> float:
+        # what no path found may have any size
+        return 1.0 if unreached and not value.any() else _relative(error, value)
+
     return {
         "model": setup.model.name,
         "parameters": setup.parameters,
@@ -239,13 +248,14 @@ def evaluate_point(
         "value": total.tolist(),
         "components": dict(zip(names, values.tolist(), strict=True)) if components else None,
         "component_errors": {
-            name: {"absolute": float(error) + EPS * float(np.abs(total).max()), "relative": _relative(error, value)}
+            name: {"absolute": float(error) + EPS * float(np.abs(total).max()), "relative": relative(error, value)}
             for name, error, value in zip(names, errors, values, strict=True)
         }
         if components
         else None,
         "delta": _delta(setup, theta_i, theta_o, phi),
-        "error": _relative(spread, total),
+        "unreached": unreached,
+        "error": 1.0 if unreached else _relative(spread, total),
         "spectral": spectral(setup),
         "run_time_s": elapsed,
         "error_time_s": everything - elapsed,
@@ -281,13 +291,14 @@ def _spreads(
 ) -> tuple[float, Array]:
     """Return the absolute errors to state of the total and of the components (P, C), without rounding.
 
-    The difference to the finer rule, but no less than what looser rules support; where none is finer, the difference to
-    the first looser one that differs.
+    The difference to the finer rule, but no less than what looser rules support; where none is a hundred times finer,
+    the difference to the first looser one that differs.
     """
-    # rules finer than the finest would be made again in vain
+    # rules finer than the finest would be made again in vain, and where none is finer by that much for every part,
+    # those that agree say nothing: values are held against looser ones than the finest
     finest = finest_tolerance(setup)
-    served = max(tolerance, finest)
-    finer = [max(FINER * served, finest, 1e-14)] if served > finest else []
+    finer = [max(FINER * tolerance, 1e-14)] if (1.0 + EPS) * FINER * tolerance >= finest else []
+    served = tolerance if finer else finest
     steps = [*finer, *looser(served)]
     done = 0
 

@@ -67,8 +67,8 @@ def test_command_line_gives_the_value(case):
     result = CliRunner().invoke(main, words)
     assert result.exit_code == 0, result.stderr
     found = json.loads(result.stdout)
-    names = ["model", "parameters", "channels", "value", "components", "component_errors", "delta", "error"]
-    assert list(found) == [*names, "spectral", "run_time_s", "error_time_s"]
+    names = ["model", "parameters", "channels", "value", "components", "component_errors", "delta", "unreached"]
+    assert list(found) == [*names, "error", "spectral", "run_time_s", "error_time_s"]
     assert np.allclose(found["value"], case.value, rtol=case.rtol, atol=FLOOR)
     for name, expected in case.parts.items():
         assert np.allclose(found["components"][name], expected, rtol=case.rtol, atol=FLOOR), name

@@ -79,6 +79,8 @@ def evaluate(
     if result["delta"]:
         shares = "  ".join(f"{v:.10g}" for v in result["delta"])
         click.echo(f"mirror direction of a flat interface: its reflectance {shares} is a delta, no part of the value")
+    if result["unreached"]:
+        click.echo("no path found bounces beyond the first here: how large they are is not known; give more --samples")
     for name, error in (result["component_errors"] or {}).items():
         click.echo(f"error of {name:<11} {error['absolute']:.1e}/sr, relative {error['relative']:.1e}")
     click.echo(

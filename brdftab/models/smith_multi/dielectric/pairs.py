@@ -29,7 +29,7 @@ from brdftab.models.smith_multi.dielectric.solve import (
     multiple,
     rows_from,
 )
-from brdftab.models.smith_multi.dielectric.states import CLOSE, Side, build, lowest_class
+from brdftab.models.smith_multi.dielectric.states import CLOSE, LOWEST, Side, build
 
 Array = NDArray[np.float64]
 Rows = tuple[Array, Array]
@@ -219,14 +219,10 @@ def solve_pairs(
     most : float
         Highest bounce order, inf for all.
     """
-    lowest = np.array([lowest_class(directions(pair, n).p) for pair in pairs])
     found = []
-    for least in np.unique(lowest):
-        some = np.flatnonzero(lowest == least)
-        for first, last, level in ((2, min(most, 2.0), levels[0]), (3, most, levels[1])):
-            if last < first:
-                continue
-            core = System(np.zeros(0), n, ndf, alpha, level, lowest=float(least))
-            for part in _solve(core, pairs[some], layers, first, last):
-                found.append(Part(part.start, part.stop, part.orders, some[part.lights], part.views, part.values))
+    for first, last, level in ((2, min(most, 2.0), levels[0]), (3, most, levels[1])):
+        if last >= first:
+            # panels fine enough for light at the horizon: coarser ones for steep pairs would be kernels of their own
+            core = System(np.zeros(0), n, ndf, alpha, level, lowest=LOWEST)
+            found += _solve(core, pairs, layers, first, last)
     return found

@@ -61,13 +61,6 @@ def _limit(p: float, index: float, n: float, alpha: float, lowest: float, level:
     return min(level.width, level.lobe * lobe, level.grading * (lowest + elevation))
 
 
-def lowest_class(p: Array) -> float:
-    """Return the elevation down to which panels become finer for directions p: 1e-3 times a power of 16."""
-    size = float(np.abs(p).min(initial=1.0))
-    # the azimuth modes of grazing light vary on the scale of its elevation, but not for ever
-    return LOWEST * 16.0 ** max(math.floor(math.log(max(size / LOWEST, 1.0), 16.0)), 0)
-
-
 def panel_edges(required: Array, lowest: float, n: float, alpha: float, level: Level) -> Array:
     """Return the edges on [0, n]: the required ones, and between them as many as both sides ask for.
 
