@@ -17,7 +17,7 @@ import sys
 import tempfile
 
 from brdftab import models
-from brdftab.models.setup import resolve
+from brdftab.models.resolve import resolve
 
 # cells that take tenths of a second; the default is for models in closed form
 GRIDS = {"ilm": "32x32x64", "vgroove-nonsym": "90x90x180", "smith-multi": "32x32x64", "smith-walk": "2x2x4"}

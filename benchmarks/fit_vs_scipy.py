@@ -1,11 +1,11 @@
 """The fitting engine against scipy.optimize.least_squares, side by side in one run.
 
-    python benchmarks/fit_vs_scipy.py                       # 2 k, 20 k and 910 k points; minutes
-    python benchmarks/fit_vs_scipy.py --points 2000,20000 --repeats 7 --json
+    python -m benchmarks.fit_vs_scipy                       # 2 k, 20 k and 910 k points; minutes
+    python -m benchmarks.fit_vs_scipy --points 2000,20000 --repeats 7 --json
 
 Data: cells of a MERL file below 80 degrees, RGB, interfaced Lambertian microfacets (Beckmann, kd .38/.34/.22, n_i 1.12,
 sigma .065) with 1 % of noise. Both fit the same five parameters with the same log residual, from the same twin by the
-same quadrature rule. The engine runs as `brdftab.fit` does after reading: eight starts on a subset, all points,
+same quadrature rule. The engine runs as `brdftab.fit_model` does after reading: eight starts on a subset, all points,
 metrics and standard errors. SciPy (trf, the box as bounds) gets one start, the engine's first, and the twin's forward
 Jacobian from compiled chunks. The two alternate; compilation is done before and timed apart in fresh processes, without
 and with what the engine keeps on disk beside the Numba kernels. Peak memory is that of a fresh process each, imports
@@ -29,8 +29,8 @@ import jax
 import numpy as np
 import scipy
 
-from brdftab.bench.scipy_fits import compare, make, ours, packed, theirs, timed
-from brdftab.fitting.data import Dataset
+from benchmarks.scipy_fits import compare, make, ours, packed, theirs, timed
+from brdftab.fit.data import Dataset
 
 
 def peak_gb() -> float:
@@ -57,7 +57,17 @@ def fresh(which: str, data: Dataset, rule: float, folder: Path, cache: Path) -> 
     file = folder / f"{data.theta_i.size}.npz"
     if not file.exists():
         np.savez(file, theta_i=data.theta_i, theta_o=data.theta_o, phi=data.phi, values=data.values)
-    command = [sys.executable, __file__, "--child", which, "--file", str(file), "--rule", str(rule)]
+    command = [
+        sys.executable,
+        "-m",
+        "benchmarks.fit_vs_scipy",
+        "--child",
+        which,
+        "--file",
+        str(file),
+        "--rule",
+        str(rule),
+    ]
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache)}
     environment.pop("JAX_COMPILATION_CACHE_DIR", None)
     return json.loads(subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout)

@@ -22,10 +22,10 @@ from pathlib import Path
 import numpy as np
 
 from brdftab.models import kernel
-from brdftab.models.ilm.cavity import points_body
-from brdftab.models.ilm.cavity_isotropic import Modes, synthesis
-from brdftab.models.ilm.cavity_rule import Rule, rule
-from brdftab.models.setup import Setup, resolve
+from brdftab.models.ilm.interreflection.isotropic import Modes, synthesis
+from brdftab.models.ilm.interreflection.points import points_body
+from brdftab.models.ilm.interreflection.rule import Rule, rule
+from brdftab.models.resolve import Setup, resolve
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from cavity_paths import bin_nodes, trace  # the path above has to be known first

@@ -24,10 +24,10 @@ from typing import Any
 import numba
 import numpy as np
 
-from brdftab.grid import Grid
-from brdftab.models.ilm import cells, table
-from brdftab.models.ilm.rings import gauss
-from brdftab.models.setup import Setup, resolve
+from brdftab.models.ilm.single_bounce import cells, table
+from brdftab.models.ilm.single_bounce.azimuth_modes import gauss
+from brdftab.models.resolve import Setup, resolve
+from brdftab.tables.grid import Grid
 
 # what a table should take at most, seconds
 TARGETS = {

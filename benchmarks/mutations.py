@@ -29,6 +29,8 @@ import tomllib
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from brdftab.kernel_cache import folder as kernel_folder
+
 ROOT = Path(__file__).resolve().parents[1]
 DECORATORS = {"kernel", "parallel_kernel"}
 OPERATORS = {
@@ -175,9 +177,7 @@ def ladder(module: str) -> list[list[str]]:
     folders = sorted(p.parent.name for p in (ROOT / "brdftab" / "models").glob("*/kernel.py"))
     users = []
     for folder in folders:
-        own = {
-            m for m in edges if m.startswith(f"brdftab.models.{folder}.") and not m.split(".")[-1].startswith("twin")
-        }
+        own = {m for m in edges if m.startswith(f"brdftab.models.{folder}.") and ".twin" not in m}
         needed = set().union(*(reach(m, edges) for m in own))
         if module in needed:
             users.append((sum(bool(compiled_functions(ast.parse(path_of(m).read_text()))) for m in needed), folder))
@@ -206,7 +206,7 @@ def plain(model: str) -> int:
     from brdftab.golden.differences import relative
     from brdftab.golden.points import SUFFIX, read_points
     from brdftab.golden.quantities import components, pdf
-    from brdftab.models.setup import resolve
+    from brdftab.models.resolve import resolve
 
     head, held = read_points(ROOT / "tests" / "golden" / f"{model}{SUFFIX}")
     differing = 0
@@ -227,20 +227,9 @@ class Copy:
     def __init__(self, folder: Path) -> None:
         self.root = folder / "project"
         self.base = folder / "kernels"
-        self.edges = graph()
         self.known: dict[str, bool] = {}
         self.base.mkdir()
         shutil.copytree(ROOT, self.root, ignore=shutil.ignore_patterns(".git", "__pycache__", "*.pyc", ".*cache"))
-        # the copy drops stale kernels itself, so that the others stay
-        jit = self.root / "brdftab" / "jit.py"
-        jit.write_text(
-            re.sub(
-                r"def source_hash\(\).*?(?=\n\n\n)",
-                'def source_hash():\n    return "copy"',
-                jit.read_text(),
-                flags=re.S,
-            )
-        )
 
     def run(self, words: list[str], kernels: Path) -> bool:
         """Run a rung; return whether it passes."""
@@ -266,30 +255,15 @@ class Copy:
         return self.known[key]
 
     def take_over_kernels(self) -> None:
-        """Start from what the project itself has compiled: numba names folders by their path."""
-        from numba.core.caching import _CacheLocator
+        """Start from what the project itself has compiled: a copy's kernels lie in a folder named by its path."""
+        if kernel_folder().is_dir():
+            shutil.copytree(kernel_folder(), self.base / kernel_folder(self.root / "brdftab").name)
 
-        from brdftab.jit import CACHE_FOLDER
-
-        for folder in {path_of(m).parent for m in self.edges}:
-            here, there = folder / "x.py", self.root / folder.relative_to(ROOT) / "x.py"
-            old = CACHE_FOLDER / _CacheLocator.get_suitable_cache_subpath(str(here))
-            if old.is_dir():
-                new = self.base / "kernels-copy" / _CacheLocator.get_suitable_cache_subpath(str(there))
-                shutil.copytree(old, new)
-
-    def kernels_without(self, module: str) -> Path:
-        """Return a folder with the compiled kernels that do not depend on a module, as links."""
-        from numba.core.caching import _CacheLocator
-
+    def kernels_of_mutant(self) -> Path:
+        """Return a copy of the compiled kernels, as links; those that a mutant changes are compiled anew into it."""
         made = self.base.with_name("kernels-of-mutant")
         shutil.rmtree(made, ignore_errors=True)
         shutil.copytree(self.base, made, copy_function=os.link)
-        for other in (m for m in self.edges if module in reach(m, self.edges)):
-            file = path_of(other, self.root)
-            folder = made / "kernels-copy" / _CacheLocator.get_suitable_cache_subpath(str(file))
-            for old in folder.glob(f"{file.stem}.*"):
-                old.unlink()
         return made
 
     def verdict(self, site: Site, quick: bool) -> dict[str, object]:
@@ -306,7 +280,7 @@ class Copy:
         if not line[site.column :].startswith(site.before):
             raise SystemExit(f"{site.module}:{site.line} does not hold {site.before} there")
         lines[site.line - 1] = line[: site.column] + site.after + line[site.column + len(site.before) :]
-        kernels = self.kernels_without(site.module)
+        kernels = self.kernels_of_mutant()
         noticed, broken = "", 0
         for words in ladder(site.module):
             if quick and "--plain" not in words:

@@ -28,13 +28,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from random_scenes import scenes
 
 import brdftab
-from brdftab.albedos import AlbedoTable, write_albedo
-from brdftab.grid import Grid
 from brdftab.io import write
 from brdftab.scene import carry_out, plan_material, verify
-from brdftab.scene.carry import check
+from brdftab.scene.execute import check
 from brdftab.scene.plan import Plan
 from brdftab.scene.scene import Material
+from brdftab.tables.grid import Grid
+from brdftab.tabulation.albedo_table import AlbedoTable, write_albedo
 
 # three axes and both sides of a pane: the defaults; four axes of dear models are coarser than the default below
 GRIDS = ("90x90x180", "6x12x6x12", "45x45+45x90")

@@ -47,7 +47,7 @@ ALSO_L1P = ("smith+lambert", "ilm", "smith+smith+lambert")
 def measure(file: Any, name: str, loss: str, chosen: argparse.Namespace) -> dict[str, Any]:
     """Fit one setting to one material."""
     model, fixed = SETTINGS[name]
-    found = brdftab.fit(
+    found = brdftab.fit_model(
         file,
         model,
         theta_max=math.radians(chosen.theta_max),

@@ -22,7 +22,7 @@ import numpy as np
 import brdftab
 from brdftab.materials import fresnel
 from brdftab.materials.fresnel import Fresnel
-from brdftab.models.microfacet.fresnel import reflectance
+from brdftab.models._shared.fresnel.fresnel import reflectance
 from brdftab.models.scratch.flux import aperture, edges
 from brdftab.models.scratch.ndf import single_bounce_rho
 from brdftab.models.scratch.profiles import parse

@@ -16,7 +16,7 @@ import time
 
 import numpy as np
 
-from brdftab.scratches.counted import BINS, counted, split
+from brdftab.scratch_layers.counted import BINS, counted, split
 
 FINEST = 65536
 

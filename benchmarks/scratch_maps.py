@@ -15,7 +15,7 @@ import time
 
 import numpy as np
 
-from brdftab.scratches import lattice, layers, maps
+from brdftab.scratch_layers import lattice, layers, maps
 
 # figure of the paper: layers, spread (degrees), length, width, density
 TABLE = {

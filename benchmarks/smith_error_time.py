@@ -18,10 +18,10 @@ from dataclasses import replace
 import numpy as np
 
 from brdftab import models
-from brdftab.engine import Engine
-from brdftab.estimate import cell_angles, stratified_cells
-from brdftab.grid import Grid
-from brdftab.models.setup import resolve
+from brdftab.evaluation.engine import Engine
+from brdftab.models.resolve import resolve
+from brdftab.tables.grid import Grid
+from brdftab.tabulation.error_estimate import cell_angles, stratified_cells
 
 ALPHAS = (0.1, 0.2, 0.5, 1.0)
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5)

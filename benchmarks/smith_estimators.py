@@ -1,6 +1,6 @@
 """Noise of the estimators of multi-bounce Smith surfaces: mean squared error by samples, and time a sample.
 
-python benchmarks/smith_estimators.py [--repeats N]
+python -m benchmarks.smith_estimators [--repeats N]
 
 Prints JSON. F = 1, GGX, eight pairs of directions. `walk` estimates every order (k >= 1) by random walks with heights
 that start at the light, as the paper's comparison does (Wang et al. 2022, Fig. 8); pt and bdpt know the single bounce.
@@ -13,7 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 
-from brdftab.bench.papers.wang import SAMPLES, sample_cost, squared_errors
+from benchmarks.papers.wang import SAMPLES, sample_cost, squared_errors
 
 
 def measure(estimator: str, alpha: float, repeats: int) -> dict[str, object]:

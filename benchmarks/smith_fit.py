@@ -25,10 +25,10 @@ from typing import Any
 import numpy as np
 
 import brdftab
-from brdftab.fitting.data import Dataset
-from brdftab.fitting.engine import Options
-from brdftab.fitting.run import fit_points
-from brdftab.fitting.terms import parse
+from brdftab.fit.data import Dataset
+from brdftab.fit.parameters import parse
+from brdftab.fit.stages import Options
+from brdftab.fit.verdict import fit_points
 
 ALPHA, F0 = 0.6, (1.0, 0.77, 0.34)
 NOISE = 0.02

@@ -14,9 +14,9 @@ import time
 
 import numpy as np
 
-from brdftab.engine import Engine
-from brdftab.grid import Grid
-from brdftab.models.setup import resolve
+from brdftab.evaluation.engine import Engine
+from brdftab.models.resolve import resolve
+from brdftab.tables.grid import Grid
 
 GOLD = {"eta": [0.143, 0.375, 1.442], "k": [3.983, 2.386, 1.603]}
 WHITE = {"material": "mirror"}

@@ -40,7 +40,7 @@ def axes() -> tuple[np.ndarray, np.ndarray]:
 def our_kernel() -> tuple[Callable[[], None], np.ndarray]:
     """Return a call that fills our table, and the table."""
     from brdftab import models
-    from brdftab.models.setup import resolve
+    from brdftab.models.resolve import resolve
 
     setup = resolve("smith", ndf="ggx", alpha=ALPHA, masking="separable", eta=ETA, k=K)
     prepared = models.kernel("smith").prepare(setup, TOLERANCE)

@@ -18,8 +18,8 @@ import time
 import numba
 
 import brdftab
-from brdftab.engine import Engine
-from brdftab.models.setup import resolve
+from brdftab.evaluation.engine import Engine
+from brdftab.models.resolve import resolve
 
 NDFS = ("beckmann", "ggx")
 ALPHAS = (0.1, 0.3, 0.6, 1.0)

@@ -24,9 +24,9 @@ from typing import Any
 import numba
 import numpy as np
 
-from brdftab.grid import Grid
-from brdftab.models.setup import Setup, resolve
+from brdftab.models.resolve import Setup, resolve
 from brdftab.models.vgroove_sym import kernel
+from brdftab.tables.grid import Grid
 
 NDFS = ("beckmann", "ggx")
 ALPHAS = (0.1, 0.3, 1.0)

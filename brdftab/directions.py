@@ -13,6 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 TWO_PI = 2.0 * np.pi
+# directions whose cosine is no larger lie on the horizon, where nothing is reflected
+HORIZON = 1e-15
 
 
 def to_vector(theta: ArrayLike, phi: ArrayLike) -> Array:

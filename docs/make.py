@@ -14,7 +14,7 @@ from pathlib import Path
 import click
 
 from brdftab.cli import main as group
-from brdftab.cli.options import declared
+from brdftab.commands.options import declared
 from brdftab.materials import indices
 from brdftab.models import Param, names, spec
 from brdftab.validate import limits, properties

@@ -6,9 +6,9 @@ import numpy as np
 
 from brdftab import models
 from brdftab.errors import ParameterError
-from brdftab.evaluation import is_stochastic
+from brdftab.evaluation.points import is_stochastic
 from brdftab.materials.indices import names as metals
-from brdftab.models.setup import resolve
+from brdftab.models.resolve import resolve
 from brdftab.scene import parse
 
 

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 import brdftab
 from brdftab.cli import main
 from brdftab.errors import BrdftabError, FileFormatError, OutputExistsError, ParameterError
-from brdftab.models.microfacet.energy import average_albedo, single_albedo
+from brdftab.models._shared.single_bounce.albedo import average_albedo, single_albedo
 
 
 def test_a_matte_surface_has_its_albedo_everywhere():

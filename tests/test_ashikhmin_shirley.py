@@ -10,7 +10,7 @@ import pytest
 import brdftab
 from brdftab import models
 from brdftab.errors import ParameterError
-from brdftab.models.setup import resolve
+from brdftab.models.resolve import resolve
 
 NAME = "ashikhmin-shirley"
 # nu, nv, theta_i and phi_i in degrees, more

@@ -7,16 +7,16 @@ import pytest
 from click.testing import CliRunner
 
 import brdftab
-from brdftab.cell_averages import cell_averages
-from brdftab.cells import gauss
 from brdftab.cli import main
-from brdftab.energy import energies, table_energy
-from brdftab.engine import Engine
-from brdftab.estimate import estimate
-from brdftab.filling import fill_averages
-from brdftab.grid import Grid
-from brdftab.lobe import unresolved
-from brdftab.models.setup import resolve
+from brdftab.evaluation.engine import Engine
+from brdftab.models.resolve import resolve
+from brdftab.quadrature import unit_gauss
+from brdftab.tables.grid import Grid
+from brdftab.tabulation.adaptive_cells import cell_averages
+from brdftab.tabulation.error_estimate import estimate
+from brdftab.tabulation.filling import fill_averages
+from brdftab.tabulation.narrow_lobes import unresolved
+from brdftab.tabulation.row_energies import energies, table_energy
 
 MIRROR = {"ndf": "ggx", "material": "mirror"}
 
@@ -24,7 +24,7 @@ MIRROR = {"ndf": "ggx", "material": "mirror"}
 def brute(setup, grid, cell, count):
     """Return the average over a cell by a product of Gauss rules, slab by slab of the first angle."""
     ends = [grid.edges[name][k : k + 2] for name, k in zip(grid.axis_names, cell, strict=True)]
-    x, w = gauss(count)
+    x, w = unit_gauss(count)
     engine = Engine(setup, 1e-8, fast=False)
     mesh = [a.reshape(-1) for a in np.meshgrid(*(e[0] + (e[1] - e[0]) * x for e in ends[1:]), indexing="ij")]
     weight = np.prod([a.reshape(-1) for a in np.meshgrid(*[w] * len(mesh), indexing="ij")], axis=0)

@@ -7,8 +7,8 @@ import pytest
 
 import brdftab
 from brdftab import models
-from brdftab.evaluation import is_stochastic
-from brdftab.models.setup import resolve
+from brdftab.evaluation.points import is_stochastic
+from brdftab.models.resolve import resolve
 
 # light, view, phi, phi_i in degrees: plain ones, beside the horizon, at the mirror direction, against the light
 PLACES = np.radians(

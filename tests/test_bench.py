@@ -10,21 +10,21 @@ import pytest
 from click.testing import CliRunner
 
 import brdftab
+from benchmarks.papers import COMMAND, lee, page
 from brdftab import models
 from brdftab.bench import methods, peers
 from brdftab.bench.compare import compare
 from brdftab.bench.front import front
 from brdftab.bench.lists import document, read_list, read_results
 from brdftab.bench.measures import NAMES, all_angles, measure, view_weights
-from brdftab.bench.papers import COMMAND, lee, page
 from brdftab.bench.report import seconds, table
 from brdftab.bench.run import QUICK
 from brdftab.bench.timing import forget, timed
-from brdftab.cells import gauss
 from brdftab.cli import main
 from brdftab.errors import BrdftabError, FileFormatError, ParameterError
-from brdftab.grid import Grid
-from brdftab.models.setup import resolve
+from brdftab.models.resolve import resolve
+from brdftab.quadrature import unit_gauss
+from brdftab.tables.grid import Grid
 
 GOLD = {"eta": [0.143, 0.375, 1.442], "k": [3.983, 2.386, 1.603]}
 
@@ -94,10 +94,10 @@ def test_times_are_medians_of_so_many_runs():
 
 
 def test_end_to_end_starts_from_nothing():
-    gauss(7)
-    assert gauss.cache_info().currsize
+    unit_gauss(7)
+    assert unit_gauss.cache_info().currsize
     forget()
-    assert not gauss.cache_info().currsize
+    assert not unit_gauss.cache_info().currsize
 
 
 def test_the_front_holds_what_nothing_beats():
@@ -139,11 +139,11 @@ def test_methods_are_found_for_every_model(name):
 @pytest.mark.parametrize("name", models.names())
 def test_what_folders_say_holds(name):
     declared = models.spec(name)
-    for parameter, values in models.told(name, "METHODS", {}).items():
+    for parameter, values in models.declared(name, "METHODS", {}).items():
         for value in values:
             resolve(name, **{parameter: value})
         assert declared.has(parameter)
-    for other, without in models.told(name, "APPROXIMATES", {}).items():
+    for other, without in models.declared(name, "APPROXIMATES", {}).items():
         assert all(models.spec(other).has(parameter) for parameter in without)
         kept = [p.name for p in models.spec(other).params if p.name not in without]
         assert any(declared.has(parameter) for parameter in kept)
@@ -331,7 +331,6 @@ def test_command_prints_json(run):
         (("--model", "smith", "--all"), "--model and --all exclude each other"),
         (("--all", "--alpha", "0.3"), "alpha belong to --model, not to --all"),
         (("--model", "smith", "--slower", "2"), "slower = 2.0 has no meaning for --model"),
-        (("--suite", "papers", "--grid", "4x4x8"), "grid = 4x4x8 has no meaning for --suite"),
         (("--model", "nonsense"), "model = nonsense is not known"),
         (("--model", "lambert", "--kd", "2"), "kd = 2 is outside"),
         (("--model", "lambert", "--figure", "x.gif"), "figure = x.gif has no known ending"),

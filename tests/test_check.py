@@ -15,7 +15,7 @@ import brdftab
 from brdftab import models, validate
 from brdftab.cli import main
 from brdftab.errors import ParameterError
-from brdftab.models.setup import resolve
+from brdftab.models.resolve import resolve
 from brdftab.validate import condition, limits, maps, properties, recovery
 from brdftab.validate.finding import Finding
 from brdftab.validate.jumps import jumps

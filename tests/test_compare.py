@@ -12,14 +12,14 @@ from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from brdftab import comparison
 from brdftab._version import __version__
-from brdftab.cli import files
+from brdftab.commands import files
 from brdftab.errors import BrdftabError, GridError, OutputExistsError, ParameterError
-from brdftab.figures import difference
-from brdftab.grid import Grid
 from brdftab.io import read, write
-from brdftab.table import Table
+from brdftab.plotting.difference import difference
+from brdftab.tables import comparison
+from brdftab.tables.grid import Grid
+from brdftab.tables.table import Table
 
 compare = comparison.compare
 
@@ -271,9 +271,9 @@ def test_verify_command(run, monkeypatch):
             raise ParameterError("model = nonesuch is not known")
         return make(dtype=table.dtype)
 
-    module = types.ModuleType("brdftab.tabulation")
+    module = types.ModuleType("brdftab.validate.reproduce")
     module.retabulate = retabulate
-    monkeypatch.setitem(sys.modules, "brdftab.tabulation", module)
+    monkeypatch.setitem(sys.modules, "brdftab.validate.reproduce", module)
     good = make()
     write(good, "good.npz")
     done = run("verify", "good.npz", "--threads", "2")

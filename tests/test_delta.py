@@ -9,12 +9,13 @@ import pytest
 from click.testing import CliRunner
 
 import brdftab
-from brdftab import delta, models
+from brdftab import models
 from brdftab.cli import main
-from brdftab.grid import Grid
-from brdftab.measurement import TableMeasurement
-from brdftab.models.setup import resolve
+from brdftab.evaluation import delta
+from brdftab.models.resolve import resolve
 from brdftab.scene.verify import _albedos
+from brdftab.tables.grid import Grid
+from brdftab.tables.measurement import TableMeasurement
 
 D = math.pi / 180.0
 ANGLES = np.array([0.0, 30.0, 60.0, 85.0, 89.0]) * D
@@ -53,7 +54,9 @@ def test_who_tells_of_a_delta_samples_it(name):
 
 def test_every_model_whose_roughness_reaches_zero_tells_of_a_delta():
     """Facets that nothing tilts are mirrors: who lets the roughness reach 0 has a delta, or no mirrors (oren-nayar)."""
-    reaching = {spec.name for spec in brdftab.models() if spec.ndfs and spec.param(spec.roughness).bounds[0] == 0.0}
+    reaching = {
+        spec.name for spec in brdftab.list_models() if spec.ndfs and spec.param(spec.roughness).bounds[0] == 0.0
+    }
     assert reaching == set(declared())
 
 
@@ -297,7 +300,7 @@ def test_fits_leave_cells_with_a_delta_out():
     cells = data.cells()
     assert (~cells.valid).sum() == 12
     assert cells.values[~cells.valid].min() > 2.0 * cells.values[cells.valid].max()
-    found = brdftab.fit(table, "ilm", fixed={"sigma": 0.0, "ior": 1.4})
+    found = brdftab.fit_model(table, "ilm", fixed={"sigma": 0.0, "ior": 1.4})
     assert found.metrics["log_rms"] < 1e-9
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import brdftab
 from brdftab.errors import ParameterError
 from brdftab.models import names, spec
-from brdftab.models.setup import resolve
+from brdftab.models.resolve import resolve
 
 DEGREE = math.pi / 180.0
 

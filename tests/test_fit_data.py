@@ -15,15 +15,15 @@ from rglfile import identity, tensor_bytes
 import brdftab
 from brdftab import directions
 from brdftab.errors import BrdftabError, FileFormatError, ParameterError
-from brdftab.fitting.checks import reciprocity_floor, suspicions
-from brdftab.fitting.data import REASONS, dataset, load
-from brdftab.fitting.metrics import error_by_theta, metrics
-from brdftab.fitting.resolution import narrowest, slopes
-from brdftab.fitting.source import near_mirror, stratified
-from brdftab.grid import Grid
+from brdftab.fit.data import REASONS, dataset, load
+from brdftab.fit.metrics import error_by_theta, metrics
+from brdftab.fit.reciprocity import reciprocity_floor, suspicions
+from brdftab.fit.resolution import narrowest, slopes
+from brdftab.fit.source import near_mirror, stratified
 from brdftab.io.merl import write_merl
-from brdftab.measurement import Measurement
-from brdftab.table import Table
+from brdftab.tables.grid import Grid
+from brdftab.tables.measurement import Measurement
+from brdftab.tables.table import Table
 
 COLOUR = np.array([0.8, 0.3, 0.05])
 TOP = math.radians(75.0)
@@ -402,7 +402,7 @@ def test_views_over_the_solid_angle_have_uniform_cosines():
 )
 def test_weights_fall_below_the_noise_floor(loss, offset):
     """The weight is the noise far above the floor over that at a value whose noise is hypot(value, floor)."""
-    from brdftab.fitting.losses import noise_weight
+    from brdftab.fit.losses import noise_weight
 
     values = np.array([[0.0], [0.003], [0.03], [4.0], [-1.0]])
     expected = [(max(v, 0.0) + offset) / np.sqrt((max(v, 0.0) + offset) ** 2 + 0.03**2) for v in values[:, 0]]
@@ -446,15 +446,15 @@ def test_a_spike_between_the_directions_is_told_and_bounded():
     table = brdftab.tabulate("smith", "90x90x180", ndf="ggx", alpha=0.5, f0=0.04)
     table.values[:] += brdftab.tabulate("lambert", "90x90x180", kd=0.2).values
     plain = brdftab.Table(table.values, table.grid, table.channels)
-    free = brdftab.fit(plain, "smith+lambert", ndf="ggx", samples=2000)
+    free = brdftab.fit_model(plain, "smith+lambert", ndf="ggx", samples=2000)
     assert not any(line.startswith(("spike", "poor")) for line in free.warnings)
     least = free.points["least_roughness"]["alpha"]
     assert 1e-3 < least < 0.05
     # a lobe that no direction sees, of any height
-    spike = brdftab.fit(plain, "smith+lambert", ndf="ggx", alpha=5e-3, samples=2000)
+    spike = brdftab.fit_model(plain, "smith+lambert", ndf="ggx", alpha=5e-3, samples=2000)
     assert any(line.startswith("spike: ") for line in spike.warnings)
     # a mirror seen through few directions: the bound stands where they end
     mirror = brdftab.tabulate("smith", "90x90x180", ndf="beckmann", alpha=2e-3, f0=0.9)
     mirror.values[:] += 0.01
-    sharp = brdftab.fit(brdftab.Table(mirror.values, mirror.grid, mirror.channels), "smith+lambert", samples=500)
+    sharp = brdftab.fit_model(brdftab.Table(mirror.values, mirror.grid, mirror.channels), "smith+lambert", samples=500)
     assert sharp.values["alpha"] >= sharp.points["least_roughness"]["alpha"]

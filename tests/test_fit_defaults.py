@@ -13,11 +13,11 @@ import brdftab
 from brdftab import models
 from brdftab.cli import main
 from brdftab.errors import ParameterError
-from brdftab.fitting.terms import parse
+from brdftab.fit.parameters import parse
 from brdftab.golden.settings import settings as golden_settings
 from brdftab.models import twins
-from brdftab.models.microfacet.params import FRESNEL_PARAMS
-from brdftab.models.setup import resolve
+from brdftab.models.common_params import FRESNEL_PARAMS
+from brdftab.models.resolve import resolve
 from brdftab.validate import differences, sweep
 
 FITTABLE = [name for name in models.names() if models.has_twin(name)]
@@ -51,7 +51,7 @@ def value(static, p, shapes, d):
 # every name here has another meaning in some model of the registry, or in what serves them
 NAMES = """
 from brdftab.models import Model, Param
-from brdftab.models.microfacet.params import NDF_NO_PHONG
+from brdftab.models.common_params import NDF_NO_PHONG
 
 SPEC = Model(
     name="own-names", title="Names", summary="sums of numbers that bear the names of others",
@@ -108,7 +108,7 @@ def truth(table, result):
 @pytest.mark.parametrize("name", FITTABLE)
 def test_every_model_finds_its_own_table_again(name):
     table = brdftab.tabulate(name, "10x10x12")
-    result = brdftab.fit(table, name)
+    result = brdftab.fit_model(table, name)
     # data without noise have standard errors below what the finest rule of ilm leaves, which is told
     assert [w for w in result.warnings if "quadrature rule" not in w] == []
     for found, true in truth(table, result).values():
@@ -169,18 +169,20 @@ def test_a_value_on_its_bound_can_be_evaluated():
 
 def test_tails_that_no_one_measures_do_not_count():
     table = brdftab.tabulate("smith", "12x12x18", ndf="beckmann", alpha=0.1, f0=0.5, dtype="float64")
-    result = brdftab.fit(table, "smith")
+    result = brdftab.fit_model(table, "smith")
     assert table.values.min() < 1e-30
     assert result.loss["floor"] == pytest.approx(1e-6 * 0.2, rel=1.0)
     # the tails are lost in whatever stands there
     dirty = brdftab.Table(np.maximum(table.values, 1e-12), table.grid, table.channels)
-    again = brdftab.fit(dirty, "smith")
+    again = brdftab.fit_model(dirty, "smith")
     assert again.values["alpha"] == pytest.approx(0.1, rel=1e-5)
     assert again.metrics["log_rms"] < 1e-4
     assert again.warnings == []
     # the floor goes with the unit
-    times = brdftab.fit(brdftab.Table(7.0 * table.values, table.grid, table.channels), "smith+lambert", samples=2000)
-    plain = brdftab.fit(table, "smith+lambert", samples=2000)
+    times = brdftab.fit_model(
+        brdftab.Table(7.0 * table.values, table.grid, table.channels), "smith+lambert", samples=2000
+    )
+    plain = brdftab.fit_model(table, "smith+lambert", samples=2000)
     assert times.loss["floor"] == pytest.approx(7.0 * plain.loss["floor"])
 
 
@@ -190,7 +192,7 @@ def test_poor_is_judged_by_what_the_data_are_worth():
     def poor(noise, other=0.0):
         rng = np.random.default_rng(3)
         values = one.values * np.exp(noise * rng.standard_normal(one.values.shape)) + other
-        result = brdftab.fit(brdftab.Table(values, one.grid, one.channels), "smith")
+        result = brdftab.fit_model(brdftab.Table(values, one.grid, one.channels), "smith")
         return result.metrics["log_rms"], any("poor fit" in line for line in result.warnings)
 
     # noise that the data themselves show, as large as what was once called poor
@@ -205,7 +207,7 @@ def test_poor_is_judged_by_what_the_data_are_worth():
 
 def warned(values, table, name, **fixed):
     """Return the log-RMS of a fit of other values on a table's grid, and its lines on a poor fit."""
-    result = brdftab.fit(brdftab.Table(values, table.grid, table.channels), name, **fixed)
+    result = brdftab.fit_model(brdftab.Table(values, table.grid, table.channels), name, **fixed)
     return result.metrics["log_rms"], [line for line in result.warnings if line.startswith("poor fit")]
 
 
@@ -225,7 +227,7 @@ def test_noise_is_no_misfit(noise, copies):
 
 def test_a_misfit_is_no_noise_and_its_cause_is_named():
     table = brdftab.tabulate("ilm", "16x16x24", kd=[0.5, 0.3, 0.2], dtype="float64")
-    result = brdftab.fit(table, "ilm", ndf="ggx")
+    result = brdftab.fit_model(table, "ilm", ndf="ggx")
     assert result.metrics["log_rms"] < 0.1
     (line,) = [line for line in result.warnings if line.startswith("poor fit")]
     assert "the data were made with ndf = beckmann, this fit holds ndf = ggx" in line
@@ -233,7 +235,7 @@ def test_a_misfit_is_no_noise_and_its_cause_is_named():
     noisy = table.values * np.exp(0.02 * np.random.default_rng(3).standard_normal(table.values.shape))
     _, (line,) = warned(noisy, table, "ilm", ndf="ggx")
     assert "try another ndf, model or sum of models" in line
-    bright = brdftab.fit(brdftab.Table(table.values + 1.0, table.grid, table.channels), "lambert")
+    bright = brdftab.fit_model(brdftab.Table(table.values + 1.0, table.grid, table.channels), "lambert")
     assert any(line.startswith("poor fit") and "end on a bound" in line for line in bright.warnings)
 
 
@@ -243,13 +245,13 @@ def test_the_source_of_reflectance_is_that_of_the_table(name, optics):
     if name == "ilm" and "eta" in optics:
         pytest.skip("interfaces are dielectrics")
     table = brdftab.tabulate(name, "12x12x18", **optics)
-    result = brdftab.fit(table, name)
+    result = brdftab.fit_model(table, name)
     for key, true in optics.items():
         # eta and k make up for each other, to a ten thousandth
         np.testing.assert_allclose(result.values[key], true, rtol=1e-3)
     assert result.metrics["log_rms"] < 1e-4
     # of the user's own word first
-    assert "f0" in brdftab.fit(table, name, "f0", samples=500).values
+    assert "f0" in brdftab.fit_model(table, name, "f0", samples=500).values
 
 
 def test_a_source_that_no_fit_has_is_passed_over():
@@ -291,11 +293,11 @@ def test_a_models_own_k_is_free():
     ti, to = (np.asarray(a).reshape(s) for a, s in ((grid.theta_i, (-1, 1, 1)), (grid.theta_o, (1, -1, 1))))
     shape = 1.0 + 4.0 * np.sin(ti) * np.sin(to) + 7.0 * np.cos(ti) * np.cos(to)
     values = 0.1 / math.pi * np.broadcast_to(shape, grid.shape)[..., None]
-    result = brdftab.fit(brdftab.Table(values.copy(), grid, ("Y",)), "own-k")
+    result = brdftab.fit_model(brdftab.Table(values.copy(), grid, ("Y",)), "own-k")
     assert result.values["k"] == pytest.approx(4.0, rel=1e-5)
     assert result.values["exponent"] == pytest.approx(7.0, rel=1e-5)
     assert result.fixed == {"own-k": {}}
-    held = brdftab.fit(brdftab.Table(values.copy(), grid, ("Y",)), "own-k", "kd,exponent")
+    held = brdftab.fit_model(brdftab.Table(values.copy(), grid, ("Y",)), "own-k", "kd,exponent")
     assert held.fixed == {"own-k": {"k": 1.5}}
     assert held.fixed_from == {"own-k": {"k": "default"}}
 
@@ -320,7 +322,7 @@ def test_names_mean_what_their_model_says(tmp_path):
     assert table.provenance["parameters"]["sigma"] == pytest.approx(math.radians(30.0))
     assert table.provenance["parameters"]["max_bounces"] == 7.5
     free = [n for n in given if n not in ("material", "alpha")]
-    result = brdftab.fit(table, "own-names", free, alpha=0.4)
+    result = brdftab.fit_model(table, "own-names", free, alpha=0.4)
     for name in free:
         assert result.values[name] == pytest.approx(given[name], rel=1e-5)
     # the word of the file holds; numbers are not what a cap or a spectrum is
@@ -366,13 +368,18 @@ def test_several_models_in_one_call(tmp_path):
     table = brdftab.tabulate("lambert", "8x8x8", kd=0.3, dtype="float64")
     coat = brdftab.tabulate("smith", "8x8x8", ndf="ggx", alpha=0.35, f0=0.04, dtype="float64")
     coat.values = coat.values + table.values
-    best = brdftab.fit(coat, "lambert, smith+lambert,smith", alpha=0.35, samples=500)
+    best, *others = brdftab.rank_models(coat, ["lambert", "smith+lambert", "smith"], alpha=0.35, samples=500)
     assert best.model == "smith+lambert"
-    assert {r.model for r in best.alternatives} == {"smith", "lambert"}
+    assert {r.model for r in others} == {"smith", "lambert"}
     assert best.fixed["smith"]["alpha"] == 0.35
     assert best.values["kd"][0] == pytest.approx(0.3, rel=1e-6)
     with pytest.raises(ParameterError, match="sigma is not a parameter of any of"):
-        brdftab.fit(coat, "smith,lambert", sigma=0.3)
+        brdftab.rank_models(coat, ["smith", "lambert"], sigma=0.3)
+    with pytest.raises(ParameterError, match="rank_models"):
+        brdftab.fit_model(coat, "smith,lambert")
+    for wrong in ("smith", []):
+        with pytest.raises(ParameterError, match="is no list of names"):
+            brdftab.rank_models(coat, wrong)
     data, out = tmp_path / "a.npz", tmp_path / "b.npz"
     brdftab.write(coat, data)
     text = told("fit", data, "--model", "lambert,smith+lambert", "--predict", out, "--grid", "8x8x8")

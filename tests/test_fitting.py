@@ -12,14 +12,15 @@ from scipy.optimize import least_squares
 
 import brdftab
 from brdftab.errors import BrdftabError, ParameterError
-from brdftab.fitting import engine, gram, losses, solver
-from brdftab.fitting.data import Dataset
-from brdftab.fitting.engine import Fitter, Options, covariance
-from brdftab.fitting.run import fit_points, rank
-from brdftab.fitting.terms import parse
+from brdftab.fit import losses, normal_equations, solver, stages
+from brdftab.fit.api import rank
+from brdftab.fit.data import Dataset
+from brdftab.fit.parameters import parse
+from brdftab.fit.stages import Fitter, Options, covariance
+from brdftab.fit.verdict import fit_points
 from brdftab.io import merl
 from brdftab.models import twins
-from brdftab.models.setup import resolve
+from brdftab.models.resolve import resolve
 
 RGB = ("R", "G", "B")
 PAINT = {"kd": [0.425, 0.3, 0.2], "ior": 1.2, "sigma": 0.101}
@@ -32,7 +33,7 @@ def _compiler(request):
     quick = "many" not in request.keywords
     jax.config.update("jax_disable_most_optimizations", quick)
     if not quick:
-        engine._compiled.cache_clear()
+        stages._compiled.cache_clear()
     yield
     jax.config.update("jax_disable_most_optimizations", False)
 
@@ -91,7 +92,7 @@ def test_defaults_are_free():
 def test_fewer_values_than_parameters_are_refused():
     table = brdftab.tabulate("smith", "2x1x1", ndf="ggx", alpha=0.3, f0=(0.9, 0.6, 0.3))
     with pytest.raises(ParameterError, match="3 valid values cannot tell 4 parameters") as caught:
-        brdftab.fit(table, "smith", ndf="ggx", samples=1, sampling="uniform")
+        brdftab.fit_model(table, "smith", ndf="ggx", samples=1, sampling="uniform")
     assert "\n" not in str(caught.value)
 
 
@@ -139,13 +140,13 @@ def small_problem(model="smith+oren-nayar", loss="log", robust=False, seed=3, **
     rng = np.random.default_rng(seed)
     angles = np.stack([*rng.uniform(0.0, 1.3, (2, 700)), rng.uniform(0.0, math.pi, 700)])
     total = parse(model, None, {"ndf": "ggx", **fixed})
-    made, numbers = gram.problem(total, loss, robust, 1e-2)
+    made, numbers = normal_equations.problem(total, loss, robust, 1e-2)
     values = rng.uniform(0.05, 0.4, (700, 2))
     weight = (rng.random((700, 2)) < 0.9) * rng.uniform(0.5, 1.0, (700, 2))
     saturated = rng.random((700, 2)) < 0.1
     target = losses.transform(loss, values, np.cos(angles[0])[:, None])
-    packed = gram.pack(*angles, target, weight, saturated, 2)
-    fixed = gram.channel_fixed(numbers, 2), gram.rules(made, 1e-2)
+    packed = normal_equations.pack(*angles, target, weight, saturated, 2)
+    fixed = normal_equations.channel_fixed(numbers, 2), normal_equations.rules(made, 1e-2)
     return total, made, fixed, packed, angles, target, weight, saturated
 
 
@@ -154,21 +155,21 @@ def test_sums_equal_those_of_the_whole_jacobian(model):
     total, made, fixed, packed, angles, target, weight, saturated = small_problem(model)
     given = {v.name: (np.array([0.3, 0.5]) if v.channels else {"ior": 1.4}.get(v.name, 0.25)) for v in total.variables}
     x = jnp.asarray(total.pack(given, 2))
-    d = gram.directions(*angles, np.zeros(700))
+    d = normal_equations.directions(*angles, np.zeros(700))
 
     def residual(u):
-        r = (jnp.log(gram.values(made, u, fixed, d).T + 1e-9) - target) * weight
+        r = (jnp.log(normal_equations.values(made, u, fixed, d).T + 1e-9) - target) * weight
         return jnp.where(saturated, jnp.minimum(r, 0.0), r)
 
     r, jac = np.asarray(residual(x)), np.asarray(jax.jacfwd(residual)(x))
-    found = gram.sums(made, x, fixed, gram.Scales(), packed, 1)
+    found = normal_equations.sums(made, x, fixed, normal_equations.Scales(), packed, 1)
     both = np.concatenate([jac.reshape(-1, x.size), r.reshape(-1, 1)], axis=1)
     # sums of 1400 products of the order of 1, in another order
     assert np.allclose(found.gram, both.T @ both, rtol=1e-11, atol=1e-9)
     assert np.allclose(found.bread, found.gram[:-1, :-1], rtol=1e-14)
     score = np.einsum("ncp,nc->np", jac, r)
     assert np.allclose(found.meat, score.T @ score, rtol=1e-10, atol=1e-9)
-    small, slim = gram.compress(found.gram)
+    small, slim = normal_equations.compress(found.gram)
     assert np.isclose(small @ small, r.ravel() @ r.ravel(), rtol=1e-10)
     assert np.allclose(slim.T @ small, jac.reshape(-1, x.size).T @ r.ravel(), rtol=1e-8, atol=1e-8)
 
@@ -178,12 +179,12 @@ def test_robust_sums_are_those_of_the_loss():
     x, scale = jnp.array([math.log(0.3), 0.4, 0.1, 0.3, 0.2, 0.5]), 0.3
 
     def cost(u):
-        g = gram.sums(made, u, fixed, gram.Scales(scale), packed, 1).gram
+        g = normal_equations.sums(made, u, fixed, normal_equations.Scales(scale), packed, 1).gram
         return 0.5 * g[-1, -1]
 
     step = 1e-5
     slopes = [(cost(x.at[k].add(step)) - cost(x.at[k].add(-step))) / (2 * step) for k in range(6)]
-    found = gram.sums(made, x, fixed, gram.Scales(scale), packed, 1)
+    found = normal_equations.sums(made, x, fixed, normal_equations.Scales(scale), packed, 1)
     # central differences of a sum near 100 at steps of 1e-5
     assert np.allclose(found.gram[:-1, -1], slopes, rtol=1e-5, atol=1e-4)
     assert np.isfinite(found.bread).all()
@@ -199,10 +200,10 @@ def test_box_solver_agrees_with_scipy_on_a_bound(merl_directions):
     total = parse("smith+lambert", None, {"ndf": "ggx"})
     fitter = Fitter(total, points(angles, values, channels=("Y",)), Options(seed=1))
     outcome = fitter.run()
-    d = gram.directions(*angles, np.zeros(800))
+    d = normal_equations.directions(*angles, np.zeros(800))
 
     def residual(x):
-        found = np.asarray(gram.predict(fitter.made, x, fitter.fixed, d))[0]
+        found = np.asarray(normal_equations.predict(fitter.made, x, fitter.fixed, d))[0]
         return np.log((found + fitter.floor) / (values[:, 0] + fitter.floor))
 
     low, high = fitter.low, fitter.high
@@ -306,12 +307,12 @@ def test_the_finest_rule_has_its_bias_measured(merl_directions, monkeypatch):
     values = model_values("ilm", angles, rule=1e-4, block=1000, ndf="beckmann", **{**PAINT, "sigma": 0.8})
     fitter = Fitter(parse("ilm", None, {"ndf": "beckmann"}), points(angles, values), Options(starts=4))
     truth = fitter._fit(1e-4, None).x
-    monkeypatch.setattr(engine, "RULES", (1e-2,))
+    monkeypatch.setattr(stages, "RULES", (1e-2,))
     found = fitter.run()
     # measured within 19 %: the bias is that at the biased answer
     assert np.allclose(found.bias, found.x - truth, rtol=0.25, atol=0.0)
     told = fit_points(fitter.total, points(angles, noisy(values, np.random.default_rng(2))), Options(starts=4))
-    assert told.solver["bias_in_standard_errors"] > engine.BIAS
+    assert told.solver["bias_in_standard_errors"] > stages.BIAS
     assert any("finest quadrature rule still biases" in line for line in told.warnings)
 
 
@@ -442,7 +443,7 @@ def replace_values(table, values):
 
 
 def test_fit_of_a_table_and_its_prediction(table, tmp_path):
-    result = brdftab.fit(table, "smith+lambert", ndf="ggx", theta_max=math.radians(75.0), sampling="grid")
+    result = brdftab.fit_model(table, "smith+lambert", ndf="ggx", theta_max=math.radians(75.0), sampling="grid")
     assert np.isclose(result.values["alpha"], 0.3, rtol=1e-6)
     assert np.allclose(result.values["kd"], [0.3, 0.2, 0.1], rtol=1e-6)
     assert result.metrics["log_rms"] < 1e-6
@@ -459,7 +460,7 @@ def test_fit_of_a_table_and_its_prediction(table, tmp_path):
 
 
 def test_result_is_plain_json(table):
-    result = brdftab.fit(table, "smith+lambert", "alpha,kd", ndf="ggx", f0=0.2, samples=500)
+    result = brdftab.fit_model(table, "smith+lambert", "alpha,kd", ndf="ggx", f0=0.2, samples=500)
     facts = json.loads(json.dumps(result.to_json(), allow_nan=False))
     assert facts["format"] == "brdftab-fit"
     assert set(facts["values"]) == {"alpha", "kd"}
@@ -470,10 +471,10 @@ def test_result_is_plain_json(table):
 
 
 def test_same_seed_same_answer(table):
-    one, other = (brdftab.fit(table, "smith+lambert", ndf="ggx", samples=400, seed=3) for _ in range(2))
+    one, other = (brdftab.fit_model(table, "smith+lambert", ndf="ggx", samples=400, seed=3) for _ in range(2))
     assert one.values["alpha"] == other.values["alpha"]
     assert one.cost == other.cost
-    assert brdftab.fit(table, "smith+lambert", ndf="ggx", samples=400, seed=4).cost != one.cost
+    assert brdftab.fit_model(table, "smith+lambert", ndf="ggx", samples=400, seed=4).cost != one.cost
 
 
 @pytest.mark.parametrize(
@@ -494,23 +495,23 @@ def test_same_seed_same_answer(table):
 )
 def test_bad_requests_get_one_line(table, given, words):
     with pytest.raises(BrdftabError, match=words) as caught:
-        brdftab.fit(table, "smith+lambert", ndf="ggx", **given)
+        brdftab.fit_model(table, "smith+lambert", ndf="ggx", **given)
     assert "\n" not in str(caught.value)
 
 
 def test_data_without_a_valid_value_are_refused(table):
     empty = brdftab.Table(np.full_like(table.values, -1.0), table.grid, table.channels)
     with pytest.raises(BrdftabError, match="no valid value"):
-        brdftab.fit(empty, "lambert")
+        brdftab.fit_model(empty, "lambert")
     broken = table.values.copy()
     broken[..., 1] = math.nan
     with pytest.raises(BrdftabError, match="channel G"):
-        brdftab.fit(brdftab.Table(broken, table.grid, table.channels), "lambert")
+        brdftab.fit_model(brdftab.Table(broken, table.grid, table.channels), "lambert")
 
 
 def test_wrong_units_are_suspected(table):
-    times = brdftab.fit(replace_values(table, table.values * 100.0), "smith+lambert", ndf="ggx", samples=500)
+    times = brdftab.fit_model(replace_values(table, table.values * 100.0), "smith+lambert", ndf="ggx", samples=500)
     assert any("100" in line or "albedo" in line for line in times.warnings)
     cosine = np.cos(table.theta_i)[:, None, None, None]
-    weighted = brdftab.fit(replace_values(table, table.values * cosine), "smith+lambert", ndf="ggx", samples=500)
+    weighted = brdftab.fit_model(replace_values(table, table.values * cosine), "smith+lambert", ndf="ggx", samples=500)
     assert any("cos" in line for line in weighted.warnings)

@@ -15,14 +15,14 @@ import brdftab
 from brdftab import models
 from brdftab.cli import main
 from brdftab.errors import BrdftabError, FileFormatError, ParameterError
-from brdftab.evaluation import is_stochastic
+from brdftab.evaluation.points import is_stochastic
 from brdftab.golden.points import SUFFIX, read_points
 from brdftab.golden.quantities import QUANTITIES
 from brdftab.golden.record import files_of, read_sources
 from brdftab.golden.settings import directions, settings
 from brdftab.golden.tables import LIST, special_tables
-from brdftab.grid import Grid
-from brdftab.models.setup import resolve
+from brdftab.models.resolve import resolve
+from brdftab.tables.grid import Grid
 
 HERE = Path(__file__).parent / "golden"
 NAMES = models.names()

@@ -9,7 +9,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from brdftab.errors import GridError
-from brdftab.grid import Grid
+from brdftab.tables.grid import Grid
 
 
 def test_center_preset():

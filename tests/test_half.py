@@ -9,9 +9,9 @@ import pytest
 
 import brdftab
 from brdftab.errors import FileFormatError
-from brdftab.layout import HALF, SAME, STORED, Layout, equal_channels
 from brdftab.scene import carry_out, parse, plan_material
-from brdftab.table import Table
+from brdftab.tables.storage import HALF, SAME, STORED, Layout, equal_channels
+from brdftab.tables.table import Table
 
 KEYS = {"model": "smith", "grid": "16x16x40", "parameters": {"alpha": 0.4, "material": "Cu"}}
 

@@ -11,21 +11,21 @@ from hypothesis import strategies as st
 
 import brdftab
 from brdftab import models
-from brdftab.engine import Engine
 from brdftab.errors import ParameterError
-from brdftab.integrals import directional, half_vector_nodes
-from brdftab.models.ilm import choice, fixed
-from brdftab.models.ilm.albedo import smooth_albedo
-from brdftab.models.ilm.kernel import errors
-from brdftab.models.microfacet.gaussian import gaussian_density, gaussian_norm
-from brdftab.models.microfacet.interface import (
+from brdftab.evaluation.albedo import directional, half_vector_nodes
+from brdftab.evaluation.engine import Engine
+from brdftab.models._shared.facets.gaussian import gaussian_density, gaussian_norm
+from brdftab.models._shared.fresnel.interface import (
     body_factor,
     external_reflectance,
     grazing_scale,
     internal_reflectance,
     transmission,
 )
-from brdftab.models.setup import resolve
+from brdftab.models.ilm.albedo import smooth_albedo
+from brdftab.models.ilm.kernel import errors
+from brdftab.models.ilm.single_bounce import rule_choice, twin_sum
+from brdftab.models.resolve import resolve
 
 RIGHT = 0.5 * math.pi
 INDICES = (1.0 + 1e-12, 1.0 + 1e-8, 1.0 + 1e-5, 1.001, 1.1, 1.5, 1.5999, 1.6001, 2.0, 4.0, 11.0, 100.0)
@@ -215,13 +215,13 @@ def test_tighter_tolerances_give_more_digits(parameters):
 def test_each_rule_is_taken_where_it_is_cheaper():
     for tolerance in (1e-3, 1e-6, 1e-9, 1e-12):
         for slope in (0.01, 0.1, 0.16):
-            rule, error = choice.plain_choice(0, slope, tolerance)
+            rule, error = rule_choice.plain_choice(0, slope, tolerance)
             assert rule >= 0
             assert error <= tolerance
-        assert choice.plain_choice(0, 0.5, tolerance)[0] == -1
+        assert rule_choice.plain_choice(0, 0.5, tolerance)[0] == -1
         # GGX has facets at every slope
-        assert choice.plain_choice(1, 0.01, tolerance)[0] == -1
-    assert [choice.plain_choice(0, 0.15, t)[0] for t in (1e-3, 1e-6, 1e-9, 1e-12)] == [0, 1, 2, 3]
+        assert rule_choice.plain_choice(1, 0.01, tolerance)[0] == -1
+    assert [rule_choice.plain_choice(0, 0.15, t)[0] for t in (1e-3, 1e-6, 1e-9, 1e-12)] == [0, 1, 2, 3]
 
 
 @pytest.mark.parametrize("parameters", surfaces()[::3], ids=str)
@@ -353,7 +353,7 @@ def test_fixed_nodes_agree_with_adaptive_ones_on_brushed_surfaces(masking):
     rng = np.random.default_rng(3)
     theta_i, theta_o = np.radians(rng.uniform(5.0, 60.0, (2, 24)))
     phi, phi_i = rng.uniform(0.3, 6.0, (2, 24))
-    found = fixed.points(setup, theta_i, theta_o, phi, phi_i, 1e-6)
+    found = twin_sum.points(setup, theta_i, theta_o, phi, phi_i, 1e-6)
     right = Engine(setup, 1e-6, fast=False).points(theta_i, theta_o, phi, phi_i)[:, 0]
     # measured: 2e-6
     assert np.allclose(found, right, rtol=5e-6)

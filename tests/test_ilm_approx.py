@@ -13,10 +13,11 @@ import brdftab
 from brdftab import models
 from brdftab.cli import main
 from brdftab.errors import ParameterError
-from brdftab.models.ilm_approx import coefficients, fit_coefficients
+from brdftab.models._shared.fresnel.interface import external_reflectance, transmission
+from brdftab.models.ilm_approx import coefficients
 from brdftab.models.ilm_approx.approximation import body, cosines, lambertian
 from brdftab.models.ilm_approx.glsl import source
-from brdftab.models.microfacet.interface import external_reflectance, transmission
+from tools import fit_ilm_approx
 
 # sigma, n_i, and bounds of the RMS and the largest relative error up to 75 degrees: 1.3 times what docs/ilm-approx.md
 # states from other directions, twice for the largest, which few directions find
@@ -37,7 +38,7 @@ def trigonometry(theta_i, theta_o, phi):
 
 
 def pairs(count, seed, limit=89.9):
-    return list(zip(*(a.tolist() for a in fit_coefficients.directions(seed, count, limit)), strict=True))
+    return list(zip(*(a.tolist() for a in fit_ilm_approx.directions(seed, count, limit)), strict=True))
 
 
 # ---------------------------------------------------------------- the integral
@@ -45,7 +46,7 @@ def pairs(count, seed, limit=89.9):
 
 @pytest.mark.parametrize(("sigma", "n", "rms", "largest"), STATED)
 def test_errors_are_those_stated(sigma, n, rms, largest):
-    angles = fit_coefficients.directions(11, 400, 75.0)
+    angles = fit_ilm_approx.directions(11, 400, 75.0)
     parts = (
         brdftab.evaluate(name, *angles, kd=0.6, ior=n, sigma=sigma, components=True, tolerance=5e-4)
         for name in ("ilm", "ilm-approx")
@@ -57,7 +58,7 @@ def test_errors_are_those_stated(sigma, n, rms, largest):
 
 
 def test_specular_part_is_that_of_ilm():
-    angles = fit_coefficients.directions(12, 200, 89.0)
+    angles = fit_ilm_approx.directions(12, 200, 89.0)
     given = {"kd": 0.3, "ior": 1.7, "sigma": 0.4}
     parts = [brdftab.evaluate(n, *angles, components=True, tolerance=1e-2, **given) for n in ("ilm", "ilm-approx")]
     assert np.allclose(parts[1]["specular"], parts[0]["specular"], rtol=1e-12, atol=1e-300)
@@ -106,27 +107,27 @@ def test_range_is_that_of_the_fit():
     for given in ({"sigma": 1.6}, {"ior": 2.6}, {"f0": 0.19}, {"ndf": "ggx"}):
         with pytest.raises(ParameterError, match=next(iter(given))):
             brdftab.evaluate("ilm-approx", 0.1, 0.2, 0.3, **given)
-    assert max(fit_coefficients.SIGMAS) == models.spec("ilm-approx").param("sigma").bounds[1]
-    assert max(fit_coefficients.INDICES) == models.spec("ilm-approx").param("ior").bounds[1]
+    assert max(fit_ilm_approx.SIGMAS) == models.spec("ilm-approx").param("sigma").bounds[1]
+    assert max(fit_ilm_approx.INDICES) == models.spec("ilm-approx").param("ior").bounds[1]
 
 
 # ---------------------------------------------------------------- the coefficients
 
 
 def test_fit_of_fewer_directions_finds_nearly_the_same_form():
-    lambert, facet = fit_coefficients.fit(150)
-    angles = fit_coefficients.directions(31, 300, 60.0)
+    lambert, facet = fit_ilm_approx.fit(150)
+    angles = fit_ilm_approx.directions(31, 300, 60.0)
     for sigma in (0.1, 0.4, 1.0):
         values = np.array([body(sigma, 1.5, *trigonometry(*a)) for a in zip(*angles, strict=True)])
-        change = fit_coefficients.errors(lambert, facet, sigma, 1.5, angles, values)
+        change = fit_ilm_approx.errors(lambert, facet, sigma, 1.5, angles, values)
         # measured 0.0004, 0.0022 and 0.0038: of the order of the errors of either fit
         assert np.sqrt(np.mean(change**2)) <= 0.01
 
 
 def test_written_coefficients_are_what_the_script_writes():
-    powers = fit_coefficients.reflectance_powers()
+    powers = fit_ilm_approx.reflectance_powers()
     assert np.allclose(powers, coefficients.REFLECTANCE, rtol=1e-4, atol=1e-4)
-    text = fit_coefficients.source(coefficients.LAMBERTIAN, coefficients.FACET, coefficients.REFLECTANCE)
+    text = fit_ilm_approx.source(coefficients.LAMBERTIAN, coefficients.FACET, coefficients.REFLECTANCE)
     read: dict = {}
     exec(compile(text, "coefficients", "exec"), read)
     for name in ("LAMBERTIAN", "FACET", "REFLECTANCE"):
@@ -160,7 +161,7 @@ def translated(text):
 @pytest.mark.parametrize("n", [1.0, 1.0001, 1.5, 2.5])
 def test_shader_gives_the_values_of_the_kernel(sigma, n):
     functions = translated(source())
-    angles = fit_coefficients.directions(21, 300, 89.0)
+    angles = fit_ilm_approx.directions(21, 300, 89.0)
     shape = (np.cos(angles[0]), np.cos(angles[1]), np.cos(angles[2]))
     kernel = brdftab.evaluate("ilm-approx", *angles, kd=[0.2, 0.7, 1.0], ior=n, sigma=sigma, components=True)
     with np.errstate(divide="ignore", invalid="ignore"):

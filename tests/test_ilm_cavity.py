@@ -7,19 +7,24 @@ import pytest
 from cavity_paths import bin_nodes, trace
 
 import brdftab
-from brdftab.cells import mirror_average
-from brdftab.engine import Engine
 from brdftab.errors import ParameterError, SingularDirectionError
-from brdftab.grid import Grid
-from brdftab.models.ilm.cavity import interpolated, points_body, points_interreflection, points_specular
-from brdftab.models.ilm.cavity_anisotropic import Cavities, interpolate_azimuths
-from brdftab.models.ilm.cavity_energy import albedo_of_bodies
-from brdftab.models.ilm.cavity_exchange import exchange
-from brdftab.models.ilm.cavity_isotropic import Modes
-from brdftab.models.ilm.cavity_light import recurrence
-from brdftab.models.ilm.cavity_rule import rule
-from brdftab.models.setup import resolve
-from brdftab.provenance import _left_out
+from brdftab.evaluation.engine import Engine
+from brdftab.models.ilm.interreflection.anisotropic import Cavities, interpolate_azimuths
+from brdftab.models.ilm.interreflection.energy import albedo_of_bodies
+from brdftab.models.ilm.interreflection.exchange import exchange
+from brdftab.models.ilm.interreflection.isotropic import Modes
+from brdftab.models.ilm.interreflection.light import recurrence
+from brdftab.models.ilm.interreflection.points import (
+    interpolated,
+    points_body,
+    points_interreflection,
+    points_specular,
+)
+from brdftab.models.ilm.interreflection.rule import rule
+from brdftab.models.resolve import resolve
+from brdftab.tables.grid import Grid
+from brdftab.tabulation.cell_averages import mirror_average
+from brdftab.tabulation.provenance import _left_out
 
 # ndf, sigma_x, sigma_y, n, kd, theta_i and phi_i in degrees, paths
 CASES = (

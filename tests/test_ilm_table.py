@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from brdftab import models
-from brdftab.models.ilm import cells, table, wedges
-from brdftab.models.ilm.rings import gauss, rings
-from brdftab.models.microfacet.gaussian import gaussian_norm
-from brdftab.models.microfacet.interface import body_factor
-from brdftab.models.microfacet.masking import smith_lambda
-from brdftab.models.setup import resolve
+from brdftab.models._shared.facets.gaussian import gaussian_norm
+from brdftab.models._shared.facets.masking import smith_lambda
+from brdftab.models._shared.fresnel.interface import body_factor
+from brdftab.models.ilm.single_bounce import cells, masking_corrections, table
+from brdftab.models.ilm.single_bounce.azimuth_modes import gauss, rings
+from brdftab.models.resolve import resolve
 
 POLAR = np.radians([0.0, 0.5, 31.0, 60.0, 77.5, 85.5, 88.5, 89.5])
 AZIMUTHS = np.radians([0.0, 0.5, 15.5, 60.5, 121.5, 164.5, 175.5, 179.5, 180.0])
@@ -169,4 +169,4 @@ def test_rings_hold_all_facets(ndf):
 
 def test_polynomial_sine_and_cosine():
     for x in np.linspace(-0.5 * math.pi, 0.5 * math.pi, 41):
-        assert np.allclose(wedges._turn(x), (math.sin(x), math.cos(x)), rtol=0.0, atol=1e-15)
+        assert np.allclose(masking_corrections._turn(x), (math.sin(x), math.cos(x)), rtol=0.0, atol=1e-15)

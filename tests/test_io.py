@@ -16,11 +16,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from brdftab.errors import BrdftabError, FileFormatError, OutputExistsError, ParameterError
-from brdftab.grid import Grid
 from brdftab.io import check_output, read, write
 from brdftab.io import text as io_text
 from brdftab.io.atomic import atomic
-from brdftab.table import Table
+from brdftab.tables.grid import Grid
+from brdftab.tables.table import Table
 
 DOCS = Path(__file__).parent.parent / "docs"
 

@@ -14,11 +14,13 @@ from grids import cheap
 
 import brdftab
 from brdftab import models
-from brdftab.models.microfacet import fresnel, groove2d, masking, ndf, tail
-from brdftab.models.microfacet.frame import groove_plane, pair
-from brdftab.models.microfacet.project import unit_gauss
-from brdftab.models.microfacet.single import geometry
+from brdftab.models._shared.facets import masking, ndf
+from brdftab.models._shared.facets.frame import groove_plane, pair
+from brdftab.models._shared.fresnel import fresnel
+from brdftab.models._shared.grooves import groove2d, tail
+from brdftab.models._shared.single_bounce.single import geometry
 from brdftab.models.vgroove_nonsym.first_order import masked_share, mean_masking
+from brdftab.quadrature import unit_gauss
 
 # compiled code contracts a*b + c and divides by reciprocals: some units in the last place
 RTOL = 1e-12

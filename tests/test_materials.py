@@ -263,7 +263,7 @@ def test_builders_settle_channels():
 
 def test_compiled_conductor_without_contrast_reflects_nothing():
     """Found by `brdftab check`: 0/0 along the surface made albedos of V-grooves NaN."""
-    from brdftab.models.microfacet.fresnel import reflectance
+    from brdftab.models._shared.fresnel.fresnel import reflectance
 
     for cosine in (0.0, 1e-300, 1e-17, 1e-8, 0.3, 1.0):
         assert reflectance(1, 1.0, 0.0, cosine) == 0.0

@@ -20,11 +20,11 @@ from rglfile import identity, random_fields, tensor_bytes, text
 import brdftab
 from brdftab.cli import main
 from brdftab.errors import BrdftabError, FileFormatError, OutputExistsError, ParameterError
-from brdftab.grid import Grid
 from brdftab.io.merl import MerlMeasurement, directions, write_merl
 from brdftab.io.rgl import RglMeasurement
-from brdftab.measurement import TableMeasurement, bracket, interpolate
-from brdftab.table import Table
+from brdftab.tables.grid import Grid
+from brdftab.tables.measurement import TableMeasurement, bracket, interpolate
+from brdftab.tables.table import Table
 
 COLOUR = np.array([1.0, 0.5, 0.2])
 MEASURED = os.environ.get("BRDFTAB_MEASURED")

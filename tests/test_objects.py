@@ -14,11 +14,11 @@ import pytest
 import rglfile
 
 import brdftab
-from brdftab.content import SeveralArrays, same
 from brdftab.errors import ParameterError
 from brdftab.golden.check import check_golden
 from brdftab.io.merl import directions, write_merl
-from brdftab.measurement import Measurement, TableMeasurement
+from brdftab.tables.content import SeveralArrays, same
+from brdftab.tables.measurement import Measurement, TableMeasurement
 
 GRID = "6x6x8"
 # lines and columns of a small terminal that a repr may take
@@ -47,7 +47,7 @@ def objects(tmp_path_factory):
         "check": brdftab.check("lambert", fast=True, only=["positivity"]),
         "compare": brdftab.compare(table, table),
         "evaluate": brdftab.evaluate("lambert", 0.1, 0.2, 0.3),
-        "fit": brdftab.fit(table, "lambert", samples=100),
+        "fit_model": brdftab.fit_model(table, "lambert", samples=100),
         "pdf": brdftab.pdf("lambert", 0.1, 0.2, 0.3),
         "record_golden": brdftab.record_golden(golden, only=["lambert*"]),
         "check_golden": check_golden(golden, only=["lambert*"]),
@@ -61,7 +61,8 @@ def objects(tmp_path_factory):
         "write": None,
         "write_albedo": None,
         "write_scratch": {},
-        "models": brdftab.models(),
+        "list_models": brdftab.list_models(),
+        "rank_models": brdftab.rank_models(table, ["lambert"], samples=100),
     }
 
 
@@ -97,7 +98,7 @@ def each(objects):
 def test_every_public_function_is_called_and_every_class_seen(objects, each):
     public = {name: getattr(brdftab, name) for name in brdftab.__all__}
     functions = {name for name, value in public.items() if inspect.isfunction(value)}
-    assert functions == set(objects) - {"models"}
+    assert functions == set(objects)
     seen = {kind.__name__ for kind in each}
     assert {name for name, value in public.items() if inspect.isclass(value)} <= seen
     returned = " ".join(str(inspect.signature(public[name]).return_annotation) for name in functions)
@@ -144,11 +145,11 @@ def test_copies_and_pickles_are_equal_and_differences_seen(each):
 
 
 def test_a_fit_that_was_pickled_predicts_the_same(objects):
-    fit = objects["fit"]
+    fit = objects["fit_model"]
     assert pickle.loads(pickle.dumps(fit)).predict(GRID) == fit.predict(GRID)
 
 
-@pytest.mark.parametrize("name", ["tabulate", "tabulate_albedo", "sample", "fit"])
+@pytest.mark.parametrize("name", ["tabulate", "tabulate_albedo", "sample", "fit_model"])
 def test_one_number_more_is_another_content(objects, name):
     thing = objects[name]
     for field in dataclasses.fields(thing):
@@ -177,7 +178,7 @@ def test_equality_of_tables_leaves_out_what_made_them(objects):
 
 
 def test_what_can_change_has_no_hash(objects):
-    for name in ("tabulate", "tabulate_albedo", "sample", "fit"):
+    for name in ("tabulate", "tabulate_albedo", "sample", "fit_model"):
         with pytest.raises(TypeError, match="unhashable"):
             hash(objects[name])
     assert hash(objects["tabulate"].grid) == hash(brdftab.Grid.parse(GRID))

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from brdftab import models, tabulate
-from brdftab.cli.interrupt import answered
-from brdftab.cli.progress import progress_bar
-from brdftab.engine import Engine
-from brdftab.evaluation import is_stochastic
-from brdftab.models.setup import resolve
-from brdftab.pace import FIRST, LIMIT, MOST, Pace
+from brdftab.commands.interrupt import answered
+from brdftab.commands.progress import progress_bar
+from brdftab.evaluation.engine import Engine
+from brdftab.evaluation.pace import FIRST, LIMIT, MOST, Pace
+from brdftab.evaluation.points import is_stochastic
+from brdftab.models.resolve import resolve
 
 BRDFTAB = [sys.executable, "-c", "from brdftab.cli import main; main()"]
 

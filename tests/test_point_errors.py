@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import brdftab
-from brdftab.agreement import least_errors, looser
 from brdftab.bench import reference
-from brdftab.evaluation import EPS, evaluate_point
-from brdftab.grid import Grid
-from brdftab.models.setup import resolve
+from brdftab.evaluation.agreement import least_errors, looser
+from brdftab.evaluation.points import EPS, evaluate_point
+from brdftab.models.resolve import resolve
+from brdftab.tables.grid import Grid
 
 
 def point(model, degrees, tolerance=1e-9, components=False, **parameters):

@@ -14,10 +14,10 @@ from grids import evaluated, grid_of, swapped
 import brdftab
 from brdftab import models
 from brdftab.cli import main
-from brdftab.cli.options import declared
+from brdftab.commands.options import declared
 from brdftab.errors import ParameterError
-from brdftab.evaluation import is_stochastic
-from brdftab.models.setup import component_names, resolve
+from brdftab.evaluation.points import is_stochastic
+from brdftab.models.resolve import component_names, resolve
 
 NAMES = models.names()
 # light, view and relative azimuth in radians: in and off the plane of incidence, near the mirror side, towards grazing
@@ -124,7 +124,7 @@ CASES = [pytest.param(name, given, id=f"{name} {given}") for name in NAMES for g
 
 def test_registry_is_not_empty():
     assert {"lambert", "oren-nayar", "cook-torrance", "smith", "vgroove-sym", "vgroove-nonsym", "ilm"} <= set(NAMES)
-    assert [spec.name for spec in brdftab.models()] == NAMES == sorted(NAMES)
+    assert [spec.name for spec in brdftab.list_models()] == NAMES == sorted(NAMES)
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -14,8 +14,8 @@ from scipy import integrate, special
 import brdftab
 from brdftab import models
 from brdftab.errors import ParameterError
-from brdftab.models.microfacet.sampling import leave_groove, visible_slope
-from brdftab.models.setup import resolve
+from brdftab.models._shared.sampling.sampling import leave_groove, visible_slope
+from brdftab.models.resolve import resolve
 
 # a density 2 % wrong stands out with the first, 3 % with the second
 MILLION, SWEPT = 1_000_000, 400_000

@@ -16,13 +16,13 @@ from random_scenes import scenes
 import brdftab
 from brdftab.cli import main
 from brdftab.errors import BrdftabError, FileFormatError
-from brdftab.grid import Grid
 from brdftab.scene import cache, carry_out, expand, interpolate, parse, plan_material, plan_scene, verify
 from brdftab.scene.albedo import interpolate_albedo
-from brdftab.scene.angles import part
-from brdftab.scene.knots import choose, matrix, to_log
-from brdftab.scene.lookup import expanded
+from brdftab.scene.cubic import choose, matrix, to_log
+from brdftab.scene.interpolation import expanded
 from brdftab.scene.plan import SHARES, Plan
+from brdftab.scene.subgrid import part
+from brdftab.tables.grid import Grid
 
 D = math.pi / 180.0
 CHEAP = ("lambert", "oren-nayar", "cook-torrance", "smith", "ashikhmin-shirley", "vgroove-sym")
@@ -194,7 +194,7 @@ def test_layers_of_scratches_below_the_tolerance_go(tmp_path):
     assert result.exit_code == 0, result.stderr
     found = json.loads(result.stdout)["materials"][0]
     assert found["promised"] == {"cell_error": 0.0, "albedo_error": pytest.approx(5e-3)}
-    from brdftab.scratches import mapfile
+    from brdftab.scratch_layers import mapfile
 
     assert len(mapfile.read(found["file"]).facts["layers"]) == 1
 

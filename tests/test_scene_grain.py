@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from brdftab.grid import Grid
-from brdftab.models.setup import LUMINANCE, resolve
+from brdftab.models.resolve import LUMINANCE, resolve
 from brdftab.scene import carry_out, expand, interpolate, parse, plan_material, verify
-from brdftab.scene.angles import part
-from brdftab.scene.carry import filled
-from brdftab.scene.knots import matrix
+from brdftab.scene.bounce_zones import Zoned, within
+from brdftab.scene.cubic import matrix
+from brdftab.scene.execute import filled
 from brdftab.scene.plan import SHARES, Plan
-from brdftab.scene.zones import Zoned, within
+from brdftab.scene.subgrid import part
+from brdftab.tables.grid import Grid
 
 
 def material(**keys):
@@ -138,7 +138,7 @@ def test_fine_grids_of_four_axes_lose_positions_and_keep_the_promise(model, para
 
 
 def test_an_effort_that_fails_starts_from_all_positions():
-    from brdftab.scene.retries import finer, plain
+    from brdftab.scene.fallbacks import finer, plain
 
     one = material(
         model="smith", parameters={"alpha_x": 0.5, "alpha_y": 0.8, "f0": 0.5}, grid="36x36x36x36",

@@ -9,7 +9,7 @@ from scipy.stats import chi2
 import brdftab
 from brdftab.errors import FileFormatError, ParameterError
 from brdftab.materials.fresnel import conductor, dielectric, mirror, reflectance
-from brdftab.models.microfacet.groove2d import width_symmetric
+from brdftab.models._shared.grooves.groove2d import width_symmetric
 from brdftab.models.scratch import balance, light
 from brdftab.models.scratch.profiles import measured, parse
 from brdftab.models.scratch.trace import distance, trace

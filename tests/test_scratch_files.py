@@ -52,7 +52,7 @@ def test_triplets_are_the_papers_blend(scratch, tmp_path, material):
     """The blend has the slices at 0 and 60 degrees exactly where gamma is defined, and mirrors at 90."""
     path = tmp_path / "t.npz"
     head = brdftab.write_scratch(scratch, path, form="triplet", **material)
-    fresnel = brdftab.scratches.traced.material_of(material)
+    fresnel = brdftab.scratch_layers.scratch.material_of(material)
     with np.load(path) as file:
         for c, channel in enumerate(head["channels"]):
             low, mirror, gamma = file[f"rho_0.{channel}"], file["rho_m"], file[f"gamma.{channel}"]

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 import brdftab
 from brdftab.cli import main
 from brdftab.errors import BrdftabError, ParameterError
-from brdftab.scratches import areas, combine, layers, shading
+from brdftab.scratch_layers import areas, combine, layers, shading
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples" / "scratched"
 GOOD = """

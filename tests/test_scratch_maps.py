@@ -10,9 +10,9 @@ from scipy.spatial import cKDTree
 
 from brdftab.cli import main
 from brdftab.errors import BrdftabError, FileFormatError, ParameterError
-from brdftab.scratches import lattice, layers, mapfile, maps
-from brdftab.scratches.indicator import sampled
-from brdftab.scratches.splat import splatted
+from brdftab.scratch_layers import lattice, layers, mapfile, maps
+from brdftab.scratch_layers.indicator import sampled
+from brdftab.scratch_layers.splat import splatted
 
 TOML = {"seed": 1, "base": {"model": "lambert"}}
 

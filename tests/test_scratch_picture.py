@@ -12,9 +12,9 @@ import brdftab
 from brdftab.cli import main
 from brdftab.errors import BrdftabError, ParameterError
 from brdftab.models.scratch.balance import balanced
-from brdftab.scratches import layers, picture, png
-from brdftab.scratches.cones import add_base, add_cones
-from brdftab.scratches.environment import LIGHTS, add_radiance
+from brdftab.scratch_layers import layers, picture, png
+from brdftab.scratch_layers.cones import add_base, add_cones
+from brdftab.scratch_layers.environment import LIGHTS, add_radiance
 
 SMALL = {"samples": 4, "detail": 1, "maps_size": 64}
 

@@ -9,9 +9,9 @@ import pytest
 
 from brdftab import models
 from brdftab.materials import fresnel as builders
-from brdftab.models.microfacet import streaming
-from brdftab.models.microfacet.reflectance_fit import fit
-from brdftab.models.setup import resolve
+from brdftab.models._shared.fresnel.reflectance_fit import fit
+from brdftab.models._shared.single_bounce import streaming
+from brdftab.models.resolve import resolve
 
 POLAR = np.radians([0.0, 1e-3, 4.0, 31.0, 58.0, 60.0, 77.0, 88.0, 89.9, 89.999])
 AZIMUTHS = np.radians([0.0, 1e-4, 20.0, 90.0, 150.0, 170.0, 179.0, 179.9, 179.999, 180.0, 30.0, 60.0, 100.0])

@@ -7,8 +7,8 @@ import pytest
 from scipy.special import ive
 
 from brdftab.materials import formulas
-from brdftab.models.microfacet.masking import smith_lambda
-from brdftab.models.microfacet.ndf import density
+from brdftab.models._shared.facets.masking import smith_lambda
+from brdftab.models._shared.facets.ndf import density
 from brdftab.models.smith_multi.volterra import beckmann, bessel
 
 MIRROR = beckmann.fit(0, np.ones(1), np.zeros(1), 1e-14)

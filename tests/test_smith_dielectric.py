@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from brdftab.errors import ParameterError
-from brdftab.models.microfacet.refraction import fresnel, refract, refracted, single_bounce, transmittance
-from brdftab.models.setup import resolve
+from brdftab.models._shared.random_walk.refraction import fresnel, refract, refracted, single_bounce, transmittance
+from brdftab.models.resolve import resolve
 from brdftab.models.smith_multi.dielectric import albedo, points, prepare, split_albedo
 from brdftab.models.smith_multi.dielectric import solve as solver
 from brdftab.models.smith_multi.dielectric.levels import level

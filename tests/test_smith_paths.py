@@ -15,18 +15,18 @@ from numpy.polynomial.legendre import leggauss
 from scipy.special import erfc
 
 import brdftab
-from brdftab.bench.papers.wang import PAIRS
-from brdftab.models.microfacet.masking import CORRELATED
-from brdftab.models.microfacet.single import evaluate_points
-from brdftab.models.microfacet.walk import estimates as counts
-from brdftab.models.microfacet.walk.exits import mean_exit, walks
-from brdftab.models.microfacet.walk.normals import turn, visible_normal
-from brdftab.models.microfacet.walk.reflecting import reflecting
-from brdftab.models.microfacet.walk.rng import philox, uniforms
-from brdftab.models.microfacet.walk.survey import at_points
-from brdftab.models.microfacet.walk.terms import beckmann_lambda, segment
-from brdftab.models.microfacet.walk.through import transmitting
-from brdftab.models.setup import resolve
+from benchmarks.papers.wang import PAIRS
+from brdftab.models._shared.facets.masking import CORRELATED
+from brdftab.models._shared.random_walk import estimates as counts
+from brdftab.models._shared.random_walk.exits import mean_exit, walks
+from brdftab.models._shared.random_walk.normals import turn, visible_normal
+from brdftab.models._shared.random_walk.reflecting import reflecting
+from brdftab.models._shared.random_walk.refracting import transmitting
+from brdftab.models._shared.random_walk.rng import philox, uniforms
+from brdftab.models._shared.random_walk.sampling_plan import at_points
+from brdftab.models._shared.random_walk.terms import beckmann_lambda, segment
+from brdftab.models._shared.single_bounce.single import evaluate_points
+from brdftab.models.resolve import resolve
 from brdftab.models.smith_multi import montecarlo
 from brdftab.models.smith_multi.montecarlo.second import second_bounces
 from brdftab.models.smith_walk import kernel as walk_model

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import brdftab
-from brdftab import memory
+from brdftab import system
 from brdftab.errors import ParameterError
 from brdftab.materials.fresnel import reflectance
-from brdftab.models.setup import resolve
+from brdftab.models.resolve import resolve
 from brdftab.models.smith_multi import volterra
 from brdftab.models.smith_multi.volterra import ggx, orders, panels
 from brdftab.models.smith_multi.volterra.settings import settings
@@ -294,7 +294,7 @@ def test_inner_rule_integrates_what_the_panel_interpolates():
 
 
 def test_modes_that_do_not_fit_are_refused_with_a_remedy(monkeypatch):
-    monkeypatch.setattr(memory, "offered", lambda: 1e5)
+    monkeypatch.setattr(system, "offered", lambda: 1e5)
     with pytest.raises(ParameterError, match=r"GiB for the azimuth modes of 12 polar angles.*ask for fewer") as caught:
         brdftab.tabulate("smith-multi", "12x12x2", alpha=0.5)
     assert "\n" not in str(caught.value)

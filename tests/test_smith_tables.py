@@ -7,7 +7,7 @@ import pytest
 
 import brdftab
 from brdftab.errors import ParameterError
-from brdftab.models.setup import resolve
+from brdftab.models.resolve import resolve
 
 
 @pytest.mark.parametrize(("ndf", "alpha"), [("ggx", 0.1), ("ggx", 1.0), ("beckmann", 0.5)])

@@ -13,16 +13,16 @@ from click.testing import CliRunner
 import brdftab
 from brdftab.cli import main
 from brdftab.errors import ParameterError
-from brdftab.fitting import gram
-from brdftab.fitting.data import Dataset
-from brdftab.fitting.engine import Fitter, Options
-from brdftab.fitting.losses import transform
-from brdftab.fitting.run import fit_points
-from brdftab.fitting.terms import parse
+from brdftab.fit import normal_equations
+from brdftab.fit.data import Dataset
+from brdftab.fit.losses import transform
+from brdftab.fit.parameters import parse
+from brdftab.fit.stages import Fitter, Options
+from brdftab.fit.verdict import fit_points
 from brdftab.models import twins
-from brdftab.models.microfacet.twin.fresnel import reflectance
-from brdftab.models.setup import resolve
-from brdftab.models.smith_multi import twin_rules
+from brdftab.models._shared.twin.fresnel import reflectance
+from brdftab.models.resolve import resolve
+from brdftab.models.smith_multi.twin import rules
 
 COLOURED = {"f0": [1.0, 0.77, 0.34]}
 METALS = {"eta": [0.15, 1.5, 3.0], "k": [3.6, 2.0, 0.5]}
@@ -145,7 +145,7 @@ def test_many_angles_give_the_values_of_few():
     few = [np.array(v) for v in ([0.3, 1.0, 1.3, 0.0], [0.9, 1.05, 0.2, 1.2], [2.0, 3.1, 0.5, 1.0])]
     rng = np.random.default_rng(0)
     more = [np.concatenate([v, rng.uniform(0.0, top, 300)]) for v, top in zip(few, (1.3, 1.3, math.pi), strict=True)]
-    assert np.unique(more[0]).size > 2 * twin_rules.LEVELS[-2].polar
+    assert np.unique(more[0]).size > 2 * rules.LEVELS[-2].polar
     setup = setup_of(0.5, f0=0.77)
     own, interpolated = (twins.evaluate(setup, *angles, 0.0, 1e-2) for angles in (few, more))
     exact = twins.evaluate(setup, *few, 0.0, 1e-6)
@@ -155,11 +155,11 @@ def test_many_angles_give_the_values_of_few():
 
 
 def test_pole_fit_follows_the_reflectance():
-    for poles, bound in ((twin_rules.LEVELS[0].poles, 2e-3), (twin_rules.LEVELS[-1].poles, 1e-5)):
-        x, _, fit = twin_rules.pole_fit(poles)
+    for poles, bound in ((rules.LEVELS[0].poles, 2e-3), (rules.LEVELS[-1].poles, 1e-5)):
+        x, _, fit = rules.pole_fit(poles)
         cosine = np.linspace(0.03, 1.0, 50)
         for n, k in ((0.15, 3.6), (3.0, 0.5), (1.5, 0.0)):
-            found = fit @ np.asarray(reflectance(1, n, k, twin_rules.pole_fit(poles)[1]))
+            found = fit @ np.asarray(reflectance(1, n, k, rules.pole_fit(poles)[1]))
             mine = found[0] + (found[1:] / (4.0 * cosine[:, None] ** 2 + x)).sum(axis=1)
             assert np.abs(mine - np.asarray(reflectance(1, n, k, jnp.array(cosine)))).max() < bound
 
@@ -231,14 +231,20 @@ def test_sums_have_the_gradient_of_their_cost(gold):
     angles, values = gold
     data = dataset(angles, noisy(values) + 0.1)
     fitter = Fitter(parse("smith-multi+lambert", None, {}), data, Options())
-    made, fixed = gram.problem(fitter.total, "log", False, 1e-2)
-    fixed = gram.channel_fixed(fixed, 3), gram.rules(made, 1e-2, fitter.angles)
+    made, fixed = normal_equations.problem(fitter.total, "log", False, 1e-2)
+    fixed = normal_equations.channel_fixed(fixed, 3), normal_equations.rules(made, 1e-2, fitter.angles)
     x = np.array([math.log(0.5), 0.8, 0.2, 0.6, 0.1, 0.4, 0.3])
 
     def sums(u):
-        return np.asarray(gram.sums(made, jnp.asarray(u), fixed, gram.Scales(1.0, fitter.floor), fitter.small, 1).gram)
+        return np.asarray(
+            normal_equations.sums(
+                made, jnp.asarray(u), fixed, normal_equations.Scales(1.0, fitter.floor), fitter.small, 1
+            ).gram
+        )
 
-    fitted = np.asarray(gram.predict(made, x, fixed, gram.directions(*angles, 0.0 * angles[0]))).T
+    fitted = np.asarray(
+        normal_equations.predict(made, x, fixed, normal_equations.directions(*angles, 0.0 * angles[0]))
+    ).T
     residual = transform("log", fitted, 1.0, fitter.floor) - transform("log", data.values, 1.0, fitter.floor)
     found = sums(x)
     assert found[-1, -1] == pytest.approx((residual**2).sum(), rel=1e-12)
@@ -285,10 +291,10 @@ def test_fit_of_a_conductor(gold):
 def test_metal_by_name_is_projected_after_all_bounces(gold):
     angles = [a[::7] for a in gold[0]]
     copper = {"material": "Cu", "spectral_samples": 3}
-    made, fixed = gram.problem(parse("smith-multi", ["alpha"], copper), "log", False, 1e-2)
-    fixed = gram.channel_fixed(fixed, 3), gram.rules(made, 1e-2, angles)
-    d = gram.directions(*angles, 0.0 * angles[0])
-    found = np.asarray(gram.predict(made, np.array([math.log(0.5)]), fixed, d)).T
+    made, fixed = normal_equations.problem(parse("smith-multi", ["alpha"], copper), "log", False, 1e-2)
+    fixed = normal_equations.channel_fixed(fixed, 3), normal_equations.rules(made, 1e-2, angles)
+    d = normal_equations.directions(*angles, 0.0 * angles[0])
+    found = np.asarray(normal_equations.predict(made, np.array([math.log(0.5)]), fixed, d)).T
     assert np.allclose(found, twins.evaluate(setup_of(0.5, **copper), *angles, 0.0, 1e-2), rtol=1e-12)
 
 

@@ -7,12 +7,12 @@ import pytest
 from grids import cheap, evaluated, grid_of, swapped
 
 import brdftab
-from brdftab.cells import mirror_average
-from brdftab.engine import Engine
 from brdftab.errors import GridError, ParameterError, SingularDirectionError
-from brdftab.grid import Grid
-from brdftab.models.setup import resolve
-from brdftab.tabulation import retabulate
+from brdftab.evaluation.engine import Engine
+from brdftab.models.resolve import resolve
+from brdftab.tables.grid import Grid
+from brdftab.tabulation.cell_averages import mirror_average
+from brdftab.validate.reproduce import retabulate
 
 SMALL = "12x12x18"
 
@@ -181,6 +181,6 @@ def test_tight_tolerance_is_met_by_direct_evaluation():
 
 
 def test_tables_that_do_not_fit_are_refused(monkeypatch):
-    monkeypatch.setattr("brdftab.memory.offered", lambda: 1e5)
+    monkeypatch.setattr("brdftab.system.offered", lambda: 1e5)
     with pytest.raises(GridError, match=r"grid = 40x40x40 needs .* GiB, outside the"):
         brdftab.tabulate("lambert", "40x40x40")

@@ -17,16 +17,16 @@ import brdftab
 from brdftab import models
 from brdftab.errors import ParameterError
 from brdftab.models import twins
-from brdftab.models.microfacet import fresnel as compiled_fresnel
-from brdftab.models.microfacet import masking as compiled_masking
-from brdftab.models.microfacet import ndf as compiled_ndf
-from brdftab.models.microfacet.frame import groove_plane
-from brdftab.models.microfacet.twin import frame, fresnel, masking, ndf
-from brdftab.models.microfacet.twin.static import WEIGHTS
-from brdftab.models.setup import resolve
+from brdftab.models._shared.facets import masking as compiled_masking
+from brdftab.models._shared.facets import ndf as compiled_ndf
+from brdftab.models._shared.facets.frame import groove_plane
+from brdftab.models._shared.fresnel import fresnel as compiled_fresnel
+from brdftab.models._shared.twin import frame, fresnel, masking, ndf
+from brdftab.models._shared.twin.static import WEIGHTS
+from brdftab.models.resolve import resolve
 
 PACKAGE = Path(brdftab.__file__).parent
-TWINNED = [n for n in models.names() if (PACKAGE / "models" / n.replace("-", "_") / "twin.py").is_file()]
+TWINNED = [n for n in models.names() if models.has_twin(n)]
 # sums over bounces take long to compile: few variants here, the rest and all derivatives in test_vgroove_twins.py
 BOUNCING = {name for name in TWINNED if models.spec(name).has("max_bounces")}
 
@@ -341,7 +341,7 @@ def test_evaluation_loads_no_jax():
 
 def test_a_twin_needs_no_numba():
     found = loaded(
-        "from brdftab.models import twins\nfrom brdftab.models.setup import resolve\n"
+        "from brdftab.models import twins\nfrom brdftab.models.resolve import resolve\n"
         "twins.evaluate(resolve('lambert'), 0.1, 0.2, 0.3, 0.0)"
     )
     assert "jax" in found
@@ -349,11 +349,11 @@ def test_a_twin_needs_no_numba():
 
 
 def test_twins_and_fits_alone_import_jax():
-    allowed = ("models/microfacet/twin/", "fit", "bench/scipy_fits", "validate/condition")
+    allowed = ("models/_shared/twin/", "fit", "validate/condition")
     wrong = []
     for path in sorted(PACKAGE.rglob("*.py")):
         name = path.relative_to(PACKAGE).as_posix()
-        if name.startswith(allowed) or path.name.startswith("twin"):
+        if name.startswith(allowed) or "twin" in (path.stem, path.parent.name):
             continue
         for node in ast.walk(ast.parse(path.read_text())):
             found = [a.name for a in node.names] if isinstance(node, ast.Import) else []

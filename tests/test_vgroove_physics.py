@@ -11,10 +11,10 @@ from oracles import groove_integral, groove_mc
 from oracles.groove_tracer import beams_grid
 
 import brdftab
+from benchmarks.papers import lee
+from benchmarks.papers.grooves import closed_nonsymmetric, closed_symmetric
 from brdftab import models
-from brdftab.bench.papers import lee
-from brdftab.bench.papers.grooves import closed_nonsymmetric, closed_symmetric
-from brdftab.models.setup import resolve
+from brdftab.models.resolve import resolve
 
 DEGREE = math.pi / 180.0
 GROOVES = ("vgroove-sym", "vgroove-nonsym")

@@ -9,8 +9,8 @@ import pytest
 
 from brdftab.errors import ParameterError
 from brdftab.materials.fresnel import reflectance
-from brdftab.models.setup import resolve
-from brdftab.models.vgroove_sym import chains, kernel, lanes
+from brdftab.models.resolve import resolve
+from brdftab.models.vgroove_sym import chains, kernel, simd_rows
 from brdftab.models.vgroove_sym.table import Prepared, prepare
 
 DEGREE = math.pi / 180.0
@@ -173,9 +173,9 @@ def test_direct_evaluation_where_it_must_be():
 
 def test_pieces():
     x = -np.concatenate([np.linspace(0.0, 5.0, 50), np.linspace(5.0, 700.0, 50)])
-    assert np.allclose([lanes.small_exp(v) for v in x], np.exp(x), rtol=2e-11, atol=0.0)
+    assert np.allclose([simd_rows.small_exp(v) for v in x], np.exp(x), rtol=2e-11, atol=0.0)
     angle = np.linspace(-1.5707, 1.5707, 101)
-    found = [lanes.angle(math.sin(t), math.cos(t)) for t in angle]
+    found = [simd_rows.angle(math.sin(t), math.cos(t)) for t in angle]
     # the series' remainder at 90 degrees is 4e-13
     assert np.allclose(found, angle, rtol=0.0, atol=1e-12)
     gold = resolve("vgroove-sym", material="Au").fresnel

@@ -11,18 +11,19 @@ import pytest
 
 from brdftab import models
 from brdftab.models import twins
-from brdftab.models.microfacet import groove2d as compiled_groove
-from brdftab.models.microfacet.fresnel import reflectance as compiled_reflectance
-from brdftab.models.microfacet.project import unit_gauss
-from brdftab.models.microfacet.tail import tail_node as compiled_node
-from brdftab.models.microfacet.tail import tail_panel as compiled_panel
-from brdftab.models.microfacet.tail import tail_panels as compiled_count
-from brdftab.models.microfacet.tail import tail_power as compiled_power
-from brdftab.models.microfacet.twin import chains, groove2d, tail, tiles
-from brdftab.models.setup import resolve
+from brdftab.models._shared.fresnel.fresnel import reflectance as compiled_reflectance
+from brdftab.models._shared.grooves import groove2d as compiled_groove
+from brdftab.models._shared.grooves.tail import tail_node as compiled_node
+from brdftab.models._shared.grooves.tail import tail_panel as compiled_panel
+from brdftab.models._shared.grooves.tail import tail_panels as compiled_count
+from brdftab.models._shared.grooves.tail import tail_power as compiled_power
+from brdftab.models._shared.twin import chains, groove2d, tail, tiles
+from brdftab.models.resolve import resolve
 from brdftab.models.vgroove_nonsym import first_order as compiled_first
 from brdftab.models.vgroove_nonsym import panels as compiled_panels
-from brdftab.models.vgroove_nonsym import twin_first, twin_panels
+from brdftab.models.vgroove_nonsym.twin import first as twin_first
+from brdftab.models.vgroove_nonsym.twin import panels as twin_panels
+from brdftab.quadrature import unit_gauss
 
 BOTH = ("vgroove-sym", "vgroove-nonsym")
 TIGHT = 1e-9

@@ -9,7 +9,7 @@ from typing import Any
 from brdftab import models
 from brdftab.bench.front import front
 from brdftab.bench.report import settings
-from brdftab.drawing import figure
+from brdftab.plotting.figure import figure
 
 LABELS = {
     "l1": "relative L1 error",

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.cells import FLOOR
-from brdftab.estimate import cell_angles
-from brdftab.grid import Grid
+from brdftab.tables.grid import Grid
+from brdftab.tabulation.cell_averages import FLOOR
+from brdftab.tabulation.error_estimate import cell_angles
 
 Array = NDArray[np.float64]
 

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from brdftab import models
 from brdftab.bench.measures import all_angles
-from brdftab.engine import Engine
 from brdftab.errors import ParameterError
-from brdftab.evaluation import is_stochastic
-from brdftab.filling import fill_grid
-from brdftab.grid import Grid
-from brdftab.models.setup import Setup, resolve
+from brdftab.evaluation.engine import Engine
+from brdftab.evaluation.points import is_stochastic
+from brdftab.models.resolve import Setup, resolve
+from brdftab.tables.grid import Grid
+from brdftab.tabulation.filling import fill_grid
 
 Array = NDArray[np.float64]
 # fills the whole grid and returns (*grid, C)
@@ -148,7 +148,7 @@ def estimators(setup: Setup, grid: Grid, samples: tuple[int, ...], family: str =
 
 def stand_ins(setup: Setup, grid: Grid, samples: tuple[int, ...]) -> Iterator[Method]:
     """Yield what the model's folder names as rougher, and the models that say that they approximate this one."""
-    for name, values in models.told(setup.model.name, "METHODS", {}).items():
+    for name, values in models.declared(setup.model.name, "METHODS", {}).items():
         for value in values:
             other = _other(setup, **{name: value})
             if other is None or other.parameters == setup.parameters:
@@ -160,7 +160,7 @@ def stand_ins(setup: Setup, grid: Grid, samples: tuple[int, ...]) -> Iterator[Me
                     name, f"{name} {value}", {name: value, "tolerance": CLOSE}, filled(other, grid, CLOSE, fast=True)
                 )
     for name in models.names():
-        without = models.told(name, "APPROXIMATES", {}).get(setup.model.name)
+        without = models.declared(name, "APPROXIMATES", {}).get(setup.model.name)
         if without is None:
             continue
         given = {n: v for n, v in setup.parameters.items() if n not in without}

@@ -15,8 +15,8 @@ from brdftab import models
 from brdftab.bench.measures import all_angles
 from brdftab.bench.methods import Kernel, Method
 from brdftab.errors import BrdftabError
-from brdftab.grid import Grid
-from brdftab.models.setup import Setup
+from brdftab.models.resolve import Setup
+from brdftab.tables.grid import Grid
 
 FOLDERS = ("/usr/lib/x86_64-linux-gnu", "/usr/lib/aarch64-linux-gnu", "/usr/lib/llvm-19/lib", "/usr/lib64", "/usr/lib")
 LLVM, SCALAR = "llvm_ad_rgb", "scalar_rgb"

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab import models
-from brdftab.agreement import looser
 from brdftab.bench.measures import NAMES, Measures, all_angles, measure
 from brdftab.bench.methods import filled
-from brdftab.evaluation import is_stochastic, singular
-from brdftab.grid import Grid
-from brdftab.models.setup import Setup
+from brdftab.evaluation.agreement import looser
+from brdftab.evaluation.points import is_stochastic, singular
+from brdftab.models.resolve import Setup
+from brdftab.tables.grid import Grid
 
 Array = NDArray[np.float64]
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)

@@ -21,12 +21,12 @@ from brdftab.bench.measures import NAMES, Measures, mean, measure
 from brdftab.bench.methods import Method
 from brdftab.bench.reference import Reference, converge
 from brdftab.bench.timing import forget, timed
-from brdftab.engine import Progress
 from brdftab.errors import BrdftabError, ParameterError
-from brdftab.grid import Grid
-from brdftab.models.setup import Setup, resolve
-from brdftab.provenance import machine
-from brdftab.tabulation import thread_count
+from brdftab.evaluation.engine import Progress
+from brdftab.models.resolve import Setup, resolve
+from brdftab.system import machine
+from brdftab.tables.grid import Grid
+from brdftab.tabulation.tabulate import thread_count
 
 FORMAT = "brdftab-bench"
 GRID, QUICK_GRID = "16x16x32", "4x4x8"

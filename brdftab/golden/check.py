@@ -11,10 +11,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from brdftab.comparison import compare, tolerances
-from brdftab.content import told
-from brdftab.engine import Progress
 from brdftab.errors import BrdftabError, ParameterError
+from brdftab.evaluation.engine import Progress
 from brdftab.golden.differences import Differences, compare_points
 from brdftab.golden.differences import compare_tables as worst_of_tables
 from brdftab.golden.points import SUFFIX, Held, measure, read_points
@@ -22,10 +20,12 @@ from brdftab.golden.record import existing_folder, files_of
 from brdftab.golden.settings import settings
 from brdftab.io import read
 from brdftab.io.atomic import check_target
-from brdftab.models.setup import resolve
-from brdftab.table import Table
-from brdftab.tabulation import retabulate
+from brdftab.models.resolve import resolve
+from brdftab.tables.comparison import compare, tolerances
+from brdftab.tables.content import told
+from brdftab.tables.table import Table
 from brdftab.timing import Clock
+from brdftab.validate.reproduce import retabulate
 
 # path, model or entry of tables.toml, figure, whether a figure may be replaced
 _Task = tuple[Path, Any, Path | None, bool]
@@ -226,7 +226,7 @@ def _table(path: Path, picture: Path | None, overwrite: bool) -> Checked:
     worst_of_tables(result.found, golden, now, rtol, atol)
     _judge(result)
     if result.status == DIFFERS and picture is not None:
-        from brdftab.figures import difference
+        from brdftab.plotting.difference import difference
 
         difference(golden, now, outcome, picture, overwrite=overwrite)
         result.figure = str(picture)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from brdftab.golden.points import Held
 from brdftab.golden.quantities import ALBEDO_ANGLES, DRAW_ANGLE, DRAW_AZIMUTH
-from brdftab.table import Table
+from brdftab.tables.table import Table
 
 WORST = 5
 

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from brdftab.drawing import figure
 from brdftab.golden.differences import relative
 from brdftab.golden.points import Held
 from brdftab.golden.quantities import QUANTITIES
+from brdftab.plotting.figure import figure
 
 FLOOR = 1e-17
 

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from brdftab._version import __version__
 from brdftab.errors import BrdftabError, FileFormatError
-from brdftab.evaluation import ORDERS
+from brdftab.evaluation.points import ORDERS
 from brdftab.golden.quantities import QUANTITIES, tolerance_of
 from brdftab.golden.settings import directions, settings
 from brdftab.io.atomic import atomic, check_target, show
-from brdftab.models.setup import component_names, resolve
-from brdftab.provenance import machine
+from brdftab.models.resolve import component_names, resolve
+from brdftab.system import machine
 from brdftab.timing import Clock
 
 Array = NDArray[np.float64]

@@ -7,11 +7,12 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab import models, sampling
-from brdftab.engine import Engine
-from brdftab.evaluation import ORDERS, is_stochastic
-from brdftab.integrals import NODES, directional
-from brdftab.models.setup import Setup
+from brdftab import models
+from brdftab.evaluation import importance_sampling
+from brdftab.evaluation.albedo import NODES, directional
+from brdftab.evaluation.engine import Engine
+from brdftab.evaluation.points import ORDERS, is_stochastic
+from brdftab.models.resolve import Setup
 
 Array = NDArray[np.float64]
 # what the rules are asked for: coarse ones are the same formulas, and cheap
@@ -49,14 +50,14 @@ def albedo(setup: Setup, directions: Array, tolerance: float) -> Array | None:
 
 def pdf(setup: Setup, directions: Array, tolerance: float) -> Array:
     """Return the density (N,) of sampling in 1/sr; 0 where a side below the surface is not drawn."""
-    return sampling.pdf(setup.model.name, *directions[:3], phi_i=directions[3], **setup.parameters)
+    return importance_sampling.pdf(setup.model.name, *directions[:3], phi_i=directions[3], **setup.parameters)
 
 
 def samples(setup: Setup, directions: Array, tolerance: float) -> Array:
     """Return (8, 3 + C): polar angle, azimuth, density and weights of directions drawn with a seed."""
     # the seed here is that of the draw, not that of a model's own estimates
     given = {name: value for name, value in setup.parameters.items() if name != "seed"}
-    drawn = sampling.sample(setup.model.name, DRAW_ANGLE, DRAWN, phi_i=DRAW_AZIMUTH, seed=DRAWN, **given)
+    drawn = importance_sampling.sample(setup.model.name, DRAW_ANGLE, DRAWN, phi_i=DRAW_AZIMUTH, seed=DRAWN, **given)
     held = np.column_stack([drawn.theta_o, drawn.phi_o, drawn.pdf, drawn.weight])
     # where a path ends below the horizon its direction means nothing
     return np.where(drawn.valid[:, None], held, 0.0)

@@ -16,12 +16,12 @@ import numpy as np
 
 from brdftab import models
 from brdftab._version import __version__
-from brdftab.comparison import RTOL as TABLE_RTOL
-from brdftab.engine import Progress
 from brdftab.errors import BrdftabError, ParameterError
+from brdftab.evaluation.engine import Progress
 from brdftab.golden import points
 from brdftab.golden.tables import special_tables, write_special
 from brdftab.io.atomic import show, write_text
+from brdftab.tables.comparison import RTOL as TABLE_RTOL
 
 SOURCES = "SOURCES.json"
 GENERATOR = "brdftab golden record"

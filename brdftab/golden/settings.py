@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from brdftab import models
 from brdftab.errors import ParameterError
-from brdftab.evaluation import is_stochastic
+from brdftab.evaluation.points import is_stochastic
 from brdftab.models import Model
-from brdftab.models.setup import Setup, resolve
+from brdftab.models.resolve import Setup, resolve
 
 Array = NDArray[np.float64]
 # one of each kind of reflectance: none, a metal by its spectrum, own index, dielectric, Schlick's

@@ -12,7 +12,7 @@ from brdftab import models
 from brdftab.errors import FileFormatError, ParameterError
 from brdftab.io import ENDINGS, write
 from brdftab.io.atomic import show
-from brdftab.tabulation import TOLERANCE, tabulate
+from brdftab.tabulation.tabulate import TOLERANCE, tabulate
 
 LIST = "tables.toml"
 

@@ -14,8 +14,8 @@ from brdftab.io.atomic import atomic, check_target, show
 from brdftab.io.own import own_kind
 
 if TYPE_CHECKING:
-    from brdftab.measurement import Measurement
-    from brdftab.table import Table
+    from brdftab.tables.measurement import Measurement
+    from brdftab.tables.table import Table
 
 ENDINGS = (".exr", ".npz")
 
@@ -91,7 +91,7 @@ def write(table: Table, path: str | os.PathLike[str], *, overwrite: bool = False
     ParameterError
         Where it is no table, such as a measurement.
     """
-    from brdftab.table import Table
+    from brdftab.tables.table import Table
 
     if not isinstance(table, Table):
         raise ParameterError(f"a {type(table).__name__} cannot be written as a table; give a Table")

@@ -25,8 +25,8 @@ from brdftab.io.exr_header import FLOAT, UINT, ExrHeader, read_header
 from brdftab.io.names import utf8
 from brdftab.io.planned import layout_of
 from brdftab.io.quiet import quiet
-from brdftab.layout import Layout
-from brdftab.table import Header, Table
+from brdftab.tables.storage import Layout
+from brdftab.tables.table import Header, Table
 
 ATTRIBUTE = "brdftab"
 PART = "brdf"

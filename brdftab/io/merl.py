@@ -21,13 +21,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from brdftab.axes import HALF_PI
-from brdftab.content import listed
 from brdftab.directions import half_difference, in_out, wrap
 from brdftab.errors import FileFormatError, ParameterError
 from brdftab.io.atomic import atomic, show
-from brdftab.measurement import Array, Bracket, Cells, Mask, Measurement, TableMeasurement, angles, interpolate
-from brdftab.table import Table
+from brdftab.tables.axis import HALF_PI
+from brdftab.tables.content import listed
+from brdftab.tables.measurement import Array, Bracket, Cells, Mask, Measurement, TableMeasurement, angles, interpolate
+from brdftab.tables.table import Table
 
 HALF, DIFFERENCE = 90, 90
 AZIMUTHS = (180, 360)

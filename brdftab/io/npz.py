@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from brdftab.errors import FileFormatError
 from brdftab.io import text
 from brdftab.io.planned import layout_of
-from brdftab.table import Table
+from brdftab.tables.table import Table
 
 _METADATA = "metadata"
 _COMPONENT = "component_"

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from brdftab.layout import Layout, equal_channels, is_square
-from brdftab.table import Table
+from brdftab.tables.storage import Layout, equal_channels, is_square
+from brdftab.tables.table import Table
 
 
 def layout_of(table: Table) -> Layout:

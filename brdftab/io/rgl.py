@@ -22,14 +22,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from brdftab.axes import HALF_PI
-from brdftab.content import told
 from brdftab.directions import from_vector, to_vector
 from brdftab.errors import FileFormatError
 from brdftab.io.atomic import show
 from brdftab.io.rgl_warp import Warp, cell
 from brdftab.io.tensor_file import Field, read_array, read_fields
-from brdftab.measurement import Array, Bracket, Cells, Mask, Measurement, angles, bracket, interpolate
+from brdftab.tables.axis import HALF_PI
+from brdftab.tables.content import told
+from brdftab.tables.measurement import Array, Bracket, Cells, Mask, Measurement, angles, bracket, interpolate
 
 CHANNELS = ("R", "G", "B")
 _NEEDED = {"phi_i": 1, "theta_i": 1, "ndf": 2, "sigma": 2, "vndf": 4, "rgb": 5, "jacobian": 1}

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.measurement import Array, Bracket
+from brdftab.tables.measurement import Array, Bracket
 
 _TINY = 1e-300
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from brdftab.errors import FileFormatError
-from brdftab.table import Header
+from brdftab.tables.table import Header
 
 # a million positions on each of two axes with their edges stay below this
 MAX_TEXT = 2**27

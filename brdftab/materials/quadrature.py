@@ -3,7 +3,7 @@
 A multi-bounce model needs, per channel, ``sum_w weight[w, c] prod_j F_w(cos_j)``: the projection to sRGB acts after the
 product over bounces, and each wavelength costs kernel time. F(wavelength, cos) of one metal spans a space of few
 dimensions, so wavelengths and weights fitted to that metal reach an error that fixed wavelengths need many more for.
-The rules lie in ``data/quadrature.csv``; `brdftab.materials.search` finds them (and needs scipy, this module does not).
+The rules lie in ``data/quadrature.csv``; tools/find_wavelengths.py finds them (and needs scipy, this module does not).
 
 ``python -m brdftab.materials.quadrature`` prints the error of every rule, computed anew.
 """

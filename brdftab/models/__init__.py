@@ -6,14 +6,13 @@ import functools
 import importlib
 import os
 import pkgutil
-import sys
 from dataclasses import dataclass, field
 from types import ModuleType
 from typing import Any
 
 from brdftab.errors import ParameterError, proposal
 
-PIECES = "microfacet"
+PIECES = "_shared"
 
 
 @dataclass(frozen=True)
@@ -34,7 +33,7 @@ class Param:
         One line for ``--help`` and ``brdftab models``.
     kind : {"float", "channels", "choice", "int", "text"}
         ``channels`` takes one value or one a channel; ``choice`` takes one of `choices`; ``text`` is read by the
-        model's own ``settle``.
+        model's own ``validate_setup``.
     choices : tuple of str
         Allowed words of a ``choice``.
     remark : str
@@ -164,6 +163,11 @@ def names() -> list[str]:
     return list(_folders())
 
 
+def list_models() -> list[Model]:
+    """Return the declarations of all models, sorted by name; loads no kernel."""
+    return [spec(name) for name in names()]
+
+
 def _module(name: str, part: str) -> ModuleType:
     folders = _folders()
     if name not in folders:
@@ -215,8 +219,9 @@ def sampler(name: str) -> ModuleType:
 
 
 def _has(folder: str, module: str) -> bool:
-    """Tell whether a model's folder holds a module, without importing it."""
-    return any(os.path.isfile(os.path.join(root, folder, f"{module}.py")) for root in __path__)
+    """Tell whether a model's folder holds a module or package, without importing it."""
+    places = (os.path.join(root, folder, module) for root in __path__)
+    return any(os.path.isfile(f"{place}.py") or os.path.isfile(os.path.join(place, "__init__.py")) for place in places)
 
 
 def has(name: str, part: str) -> bool:
@@ -224,30 +229,26 @@ def has(name: str, part: str) -> bool:
     return name in _folders() and _has(_folders()[name], part)
 
 
-def settled(setup: Any) -> Any:
-    """Return a setup after the model's own ``settle`` has checked what depends on several parameters, if it has one."""
+def validated(setup: Any) -> Any:
+    """Return a setup after the model's own ``validate_setup`` has checked what hangs on several parameters, if any."""
     folder = _folders()[setup.model.name]
-    if not _has(folder, "settle"):
+    if not _has(folder, "validate_setup"):
         return setup
-    return importlib.import_module(f"{__name__}.{folder}.settle").settle(setup)
+    return importlib.import_module(f"{__name__}.{folder}.validate_setup").validate_setup(setup)
 
 
 def has_twin(name: str) -> bool:
     """Tell whether a model has a twin in JAX."""
-    return _has_twin(_folders()[name])
+    return _has(_folders()[name], "twin")
 
 
-def told(name: str, attribute: str, otherwise: Any) -> Any:
+def declared(name: str, attribute: str, otherwise: Any) -> Any:
     """Return what a model's folder says beside its `SPEC` under a name such as ``METHODS``, or `otherwise`.
 
     ``METHODS`` maps a parameter to values that compute the same more roughly; ``APPROXIMATES`` maps a model that this
     one stands for to those of its parameters that this one does without.
     """
     return getattr(_module(name, ""), attribute, otherwise)
-
-
-def _has_twin(folder: str) -> bool:
-    return _has(folder, "twin")
 
 
 def mitsuba(name: str) -> ModuleType | None:
@@ -303,14 +304,3 @@ def checks(name: str) -> ModuleType | None:
     if name in folders and not _has(folders[name], "checks"):
         return None
     return _module(name, ".checks")
-
-
-class _Registry(ModuleType):
-    """The registry module itself can be called: ``brdftab.models()`` lists every model."""
-
-    def __call__(self) -> list[Model]:
-        """Return the declarations of all models, sorted by name."""
-        return [spec(name) for name in names()]
-
-
-sys.modules[__name__].__class__ = _Registry

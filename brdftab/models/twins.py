@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike
 
 from brdftab import models
 from brdftab.errors import ParameterError, proposal
-from brdftab.models.microfacet.rough import rough_class
-from brdftab.models.microfacet.twin.frame import Directions, directions
-from brdftab.models.microfacet.twin.static import WEIGHTS, Static
-from brdftab.models.setup import Setup
+from brdftab.models._shared.facets.rough import rough_class
+from brdftab.models._shared.twin.frame import Directions, directions
+from brdftab.models._shared.twin.static import WEIGHTS, Static
+from brdftab.models.resolve import Setup
 
 # how many of a and b each kind of reflectance has
 _FRESNEL_COUNT = {-1: 0, 0: 0, 1: 2, 2: 1, 3: 1, 4: 2}
@@ -26,7 +26,7 @@ def split(setup: Setup, tolerance: float = 1e-9, precision: str = "float64") -> 
     Parameters
     ----------
     setup : Setup
-        From `brdftab.models.setup.resolve`.
+        From `brdftab.models.resolve.resolve`.
     tolerance : float, optional
         Relative error asked of the model's rules.
     precision : {"float64", "float32"}, optional
@@ -146,7 +146,7 @@ def evaluate(
     Parameters
     ----------
     setup : Setup
-        From `brdftab.models.setup.resolve`.
+        From `brdftab.models.resolve.resolve`.
     theta_i, theta_o, phi, phi_i : array_like (N,)
         Radians.
     tolerance : float, optional
@@ -183,7 +183,7 @@ def derivative(
     Parameters
     ----------
     setup : Setup
-        From `brdftab.models.setup.resolve`.
+        From `brdftab.models.resolve.resolve`.
     name : str
         Canonical name as in `split`; on an isotropic surface alpha_x stands for both axes.
     theta_i, theta_o, phi, phi_i : array_like (N,)

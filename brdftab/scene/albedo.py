@@ -9,16 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from brdftab import models
-from brdftab.albedos import AlbedoTable, albedos, assembled, row
-from brdftab.engine import Engine
 from brdftab.errors import ParameterError
-from brdftab.grid import Grid
-from brdftab.models.setup import Setup
-from brdftab.scene.knots import stencil
+from brdftab.evaluation.engine import Engine
+from brdftab.models.resolve import Setup
+from brdftab.scene.cubic import stencil
 from brdftab.scene.plan import Item, Plan, Planned
-from brdftab.scene.reduce import SAFETY, equal_channels, fewer_wavelengths
 from brdftab.scene.scene import Material
-from brdftab.tabulation import default_grid
+from brdftab.scene.simplify import SAFETY, equal_channels, fewer_wavelengths
+from brdftab.tables.grid import Grid
+from brdftab.tabulation.albedo_table import AlbedoTable, albedos, assembled, row
+from brdftab.tabulation.tabulate import default_grid
 from brdftab.timing import Clock
 
 Array = NDArray[np.float64]

@@ -14,13 +14,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from brdftab._version import __version__
-from brdftab.albedos import AlbedoTable, read_albedo, write_albedo
 from brdftab.errors import BrdftabError, ParameterError
 from brdftab.io import read, write
-from brdftab.jit import source_hash
 from brdftab.scene.scene import Material
-from brdftab.table import Table
-from brdftab.tabulation import default_grid
+from brdftab.system import source_hash, user_cache
+from brdftab.tables.table import Table
+from brdftab.tabulation.albedo_table import AlbedoTable, read_albedo, write_albedo
+from brdftab.tabulation.tabulate import default_grid
 
 FOLDER, SIZE = "BRDFTAB_CACHE_DIR", "BRDFTAB_CACHE_SIZE"
 DEFAULT_SIZE = 2 * 2**30
@@ -52,8 +52,7 @@ def folder() -> Path:
     given = os.environ.get(FOLDER)
     if given:
         return Path(given)
-    base = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
-    return Path(base) / "brdftab" / "tables"
+    return user_cache() / "tables"
 
 
 def limit() -> int:
@@ -77,7 +76,7 @@ def key(material: Material) -> str:
     """
     content = asdict(material) | {"parameters": material.setup().parameters, "name": ""}
     content["grid"] = material.grid or default_grid(material.setup())
-    text = json.dumps([content, __version__, source_hash(None)], sort_keys=True)
+    text = json.dumps([content, __version__, source_hash()], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.engine import Engine
 from brdftab.errors import FileFormatError, GridError
-from brdftab.grid import Grid
-from brdftab.models.setup import LUMINANCE, Setup, luminance, resolve
-from brdftab.scene import compact
-from brdftab.scene.angles import first_quarter
+from brdftab.evaluation.engine import Engine
+from brdftab.models.resolve import LUMINANCE, Setup, luminance, resolve
+from brdftab.scene import grid_json
 from brdftab.scene.scene import Material
+from brdftab.scene.subgrid import first_quarter
+from brdftab.tables.grid import Grid
 
 # shares of the tolerated error that each kind of item may use up; they add up to 1
 SHARES = {"rules": 0.25, "resolution": 0.5, "bounces": 0.125, "lobe": 0.0625, "wavelengths": 0.0625}
@@ -168,9 +168,9 @@ class Plan:
             "parameters": self.parameters,
             "luminance": self.luminance,
             "quantity": self.quantity,
-            "grid": compact.to_json(self.grid, self.full),
-            "full": compact.to_json(self.full, self.whole),
-            "whole": compact.to_json(self.whole),
+            "grid": grid_json.to_json(self.grid, self.full),
+            "full": grid_json.to_json(self.full, self.whole),
+            "whole": grid_json.to_json(self.whole),
             "cosines": self.cosines,
             "symmetric": self.symmetric,
             "apart": self.apart,
@@ -195,9 +195,9 @@ class Plan:
             Where a key is missing or has the wrong type.
         """
         try:
-            whole = compact.from_json(data["whole"])
-            full = compact.from_json(data["full"], whole)
-            grids: dict[str, Any] = {"grid": compact.from_json(data["grid"], full), "full": full, "whole": whole}
+            whole = grid_json.from_json(data["whole"])
+            full = grid_json.from_json(data["full"], whole)
+            grids: dict[str, Any] = {"grid": grid_json.from_json(data["grid"], full), "full": full, "whole": whole}
             items = tuple(
                 Item(
                     i["name"], i["told"], i["kind"], i["cell_error"], i["albedo_error"], i["time_saved"],

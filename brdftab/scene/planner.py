@@ -10,21 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.errors import GridError, ParameterError
-from brdftab.evaluation import is_stochastic
-from brdftab.grid import Grid
-from brdftab.models.setup import Setup, luminance
-from brdftab.scene import albedo, layers
-from brdftab.scene.angles import quarter, reached
-from brdftab.scene.azimuths import keep_azimuths
+from brdftab.evaluation.points import is_stochastic
+from brdftab.models.resolve import Setup, luminance
+from brdftab.scene import albedo, scratch_layers
+from brdftab.scene.bounce_zones import engine as engine_of
+from brdftab.scene.bounce_zones import fewer_near_the_normal
+from brdftab.scene.cost import half_of, seconds, stored
 from brdftab.scene.plan import SHARES, Item, Plan, Planned
-from brdftab.scene.predict import half_of, seconds, stored
-from brdftab.scene.probes import probes
-from brdftab.scene.reduce import reduced
-from brdftab.scene.resolution import keep, pace
+from brdftab.scene.resolution_anisotropic import keep_azimuths
+from brdftab.scene.resolution_isotropic import keep, pace
 from brdftab.scene.scene import Material, Scene
-from brdftab.scene.zones import engine as engine_of
-from brdftab.scene.zones import fewer_near_the_normal
-from brdftab.tabulation import default_grid
+from brdftab.scene.simplify import reduced
+from brdftab.scene.subgrid import quarter, reached
+from brdftab.scene.test_pairs import probes
+from brdftab.tables.grid import Grid
+from brdftab.tabulation.tabulate import default_grid
 from brdftab.timing import Clock
 
 Array = NDArray[np.float64]
@@ -197,7 +197,7 @@ def plan_scene(scene: Scene) -> list[Planned]:
     ParameterError
         If a material is malformed, or what the plan needs exceeds the scene's memory or files.
     """
-    found = [layers.plan(m) if m.layers else plan_material(m) for m in scene.materials]
+    found = [scratch_layers.plan(m) if m.layers else plan_material(m) for m in scene.materials]
     total = 0.0
     for planned in found:
         size = planned.plan.predicted.get("bytes", 0.0)

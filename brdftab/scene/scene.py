@@ -11,9 +11,9 @@ from typing import Any
 
 from brdftab.errors import ParameterError
 from brdftab.io.atomic import show
+from brdftab.io.toml import Entry, read_toml
 from brdftab.models import names, spec
-from brdftab.models.setup import Setup, resolve
-from brdftab.tomlfile import Entry, read_toml
+from brdftab.models.resolve import Setup, resolve
 
 QUANTITIES = ("rgb", "luminance", "wavelengths", "albedo")
 _SHARED = ("theta_i", "theta_o", "quantity", "wavelengths", "tolerance", "albedo_tolerance", "floor", "grid")
@@ -166,7 +166,8 @@ def _parameters(entry: Entry, model: str) -> dict[str, Any]:
         key: math.radians(value) if units.get(key) == "rad" and isinstance(value, int | float) else value
         for key, value in given.items()
     }
-    entry.check(model, **turned)
+    with entry.named():
+        resolve(model, **turned)
     return turned
 
 
@@ -204,7 +205,8 @@ def _material(entry: Entry, folder: Path, dtype: str) -> Material:
         dtype=dtype,
     )
     if model:
-        entry.check(model, **found.setup().parameters)
+        with entry.named():
+            resolve(model, **found.setup().parameters)
     return found
 
 

@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.albedos import AlbedoTable
-from brdftab.evaluation import is_stochastic
-from brdftab.grid import Grid
-from brdftab.models.setup import resolve
+from brdftab.evaluation.points import is_stochastic
+from brdftab.models.resolve import resolve
 from brdftab.scene import albedo
-from brdftab.scene.lookup import expanded
+from brdftab.scene.interpolation import expanded
 from brdftab.scene.plan import Plan, added_up
 from brdftab.scene.scene import Material
-from brdftab.stochastic import LAYER
-from brdftab.table import Table
-from brdftab.tabulation import tabulate
+from brdftab.tables.grid import Grid
+from brdftab.tables.table import Table
+from brdftab.tabulation.albedo_table import AlbedoTable
+from brdftab.tabulation.monte_carlo import LAYER
+from brdftab.tabulation.tabulate import tabulate
 from brdftab.timing import Clock
 
 Array = NDArray[np.float64]
@@ -112,7 +112,7 @@ def _cells(plan: Plan, table: Table) -> dict[str, Any]:
 
 def _timed(plan: Plan, table: Table | AlbedoTable, material: Material) -> dict[str, float]:
     """Return run times with and without the plan, planning and checks included, kernels compiled."""
-    from brdftab.scene.carry import carry_out
+    from brdftab.scene.execute import carry_out
     from brdftab.scene.planner import plan_material
 
     clock = Clock()

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.evaluation import singular
-from brdftab.models.setup import Setup
+from brdftab.evaluation.points import singular
+from brdftab.models.resolve import Setup
 
 Array = NDArray[np.float64]
 Angles = tuple[Array, Array, Array, Array]

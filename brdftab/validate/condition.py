@@ -10,10 +10,10 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.fitting.losses import LOSSES, MEANING, transform
+from brdftab.fit.losses import LOSSES, MEANING, transform
 from brdftab.models import twins
-from brdftab.models.microfacet.twin.static import WEIGHTS
-from brdftab.models.setup import Setup
+from brdftab.models._shared.twin.static import WEIGHTS
+from brdftab.models.resolve import Setup
 from brdftab.validate.angles import Angles
 
 Array = NDArray[np.float64]

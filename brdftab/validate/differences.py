@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from dataclasses import replace
 from typing import Any
 
@@ -10,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab import models
-from brdftab.models.setup import Setup
+from brdftab.models.resolve import Setup
 from brdftab.validate.angles import Angles
 
 Array = NDArray[np.float64]
@@ -25,8 +24,7 @@ def has_nodes(model: str) -> bool:
 def kernel_values(setup: Setup, angles: Angles, tolerance: float) -> Array:
     """Return the compiled kernel's values (N, C); a model that integrates does so at the twin's nodes."""
     if has_nodes(setup.model.name):
-        folder = setup.model.name.replace("-", "_")
-        return importlib.import_module(f"brdftab.models.{folder}.fixed").points(setup, *angles, tolerance)
+        return models.kernel(setup.model.name).at_twin_nodes(setup, *angles, tolerance)
     return models.kernel(setup.model.name).points(setup, *angles, orders=0, tolerance=tolerance)[:, 0]
 
 

@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from brdftab.models.setup import resolve
+from brdftab.models.resolve import resolve
 from brdftab.validate.finding import ANGLES, Finding
 
 TABLE = Path(__file__).with_name("limits.toml")

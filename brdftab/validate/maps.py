@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.drawing import figure
 from brdftab.errors import ParameterError
 from brdftab.models import Model, spec
-from brdftab.models.setup import resolve
+from brdftab.models.resolve import resolve
+from brdftab.plotting.figure import figure
 from brdftab.validate import condition
 from brdftab.validate.probe import Subject
 from brdftab.validate.properties.twin import quick_compilation, tolerance_of

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab import models
-from brdftab.evaluation import is_stochastic
+from brdftab.evaluation.points import is_stochastic
 from brdftab.models import Model
-from brdftab.models.setup import Setup
+from brdftab.models.resolve import Setup
 from brdftab.validate.angles import Angles, both
 from brdftab.validate.finding import Finding
 from brdftab.validate.settings import setups

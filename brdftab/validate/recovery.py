@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from brdftab.fitting.data import Dataset
-from brdftab.fitting.engine import Options
-from brdftab.fitting.run import fit_points
-from brdftab.fitting.terms import default_free, parse
-from brdftab.models.setup import Setup
+from brdftab.fit.data import Dataset
+from brdftab.fit.parameters import default_free, parse
+from brdftab.fit.stages import Options
+from brdftab.fit.verdict import fit_points
+from brdftab.models.resolve import Setup
 from brdftab.validate import differences
 from brdftab.validate.angles import Angles
 

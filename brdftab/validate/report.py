@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from brdftab._version import __version__
-from brdftab.content import listed, told
+from brdftab.tables.content import listed, told
 from brdftab.validate.finding import Finding
 
 # failures shown of one row

@@ -9,10 +9,10 @@ from typing import Any
 
 from brdftab import models
 from brdftab.errors import BrdftabError, ParameterError
-from brdftab.evaluation import is_stochastic
+from brdftab.evaluation.points import is_stochastic
 from brdftab.models import Param
-from brdftab.models.microfacet.params import FRESNEL_PARAMS
-from brdftab.models.setup import Setup, resolve
+from brdftab.models.common_params import FRESNEL_PARAMS
+from brdftab.models.resolve import Setup, resolve
 
 Given = dict[str, Any]
 # by parameter name, where the bounds take them: nothing, almost nothing, and far too much

@@ -13,7 +13,7 @@ import numpy as np
 from brdftab import models
 from brdftab.errors import ParameterError
 from brdftab.models import Model, Param, twins
-from brdftab.models.setup import Setup, resolve
+from brdftab.models.resolve import Setup, resolve
 
 METAL = "Cu"
 Choice = tuple[dict[str, Any], tuple[str, ...]]

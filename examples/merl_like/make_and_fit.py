@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 import brdftab
 from brdftab.io.merl import directions, write_merl
 from brdftab.models import twins
-from brdftab.models.setup import resolve
+from brdftab.models.resolve import resolve
 
 Array = NDArray[np.float64]
 NOISE, OUTLIERS, MISSING = 0.01, 0.01, 0.02
@@ -113,7 +113,7 @@ def run(paint: Paint, clipped: bool, count: int | None, seed: int, folder: Path)
     clip = paint.clip if clipped else None
     path = folder / f"{paint.name}{'-clipped' if clipped else ''}.binary"
     make(paint, clip, count, seed, path)
-    found = brdftab.fit(
+    found = brdftab.fit_model(
         path,
         "ilm",
         ndf="beckmann",

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from brdftab.bench.papers.grooves import LEFT, bounce, hit
+from benchmarks.papers.grooves import LEFT, bounce, hit
 
 BECKMANN, GGX, PHONG = 0, 1, 2
 NDFS = {"beckmann": BECKMANN, "ggx": GGX, "phong": PHONG}

@@ -17,7 +17,7 @@ import math
 import numpy as np
 from numba import njit, prange
 
-from brdftab.bench.papers.grooves import trace
+from benchmarks.papers.grooves import trace
 
 
 @njit(nogil=True)

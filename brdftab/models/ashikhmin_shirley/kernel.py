@@ -7,12 +7,12 @@ import math
 import numba
 import numpy as np
 
+from brdftab.directions import HORIZON
 from brdftab.jit import kernel, parallel_kernel
-from brdftab.models.microfacet.frame import pair
-from brdftab.models.microfacet.fresnel import multiply
-from brdftab.models.microfacet.project import arguments, project
-from brdftab.models.microfacet.single import HORIZON
-from brdftab.models.setup import Setup
+from brdftab.models._shared.facets.frame import pair
+from brdftab.models._shared.fresnel.fresnel import multiply
+from brdftab.models._shared.fresnel.project import arguments, project
+from brdftab.models.resolve import Setup
 
 PI = math.pi
 

@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from brdftab.models._shared.sampling.sampling import Array, angles, cosine_hemisphere, cosine_pdf, reflect, unit
 from brdftab.models.ashikhmin_shirley.kernel import densities, normal_reflectance
-from brdftab.models.microfacet.sampling import Array, angles, cosine_hemisphere, cosine_pdf, reflect, unit
-from brdftab.models.setup import Setup
+from brdftab.models.resolve import Setup
 
 # the highlight rises at grazing whatever F(1) is: it keeps a tenth
 MOST = 0.9

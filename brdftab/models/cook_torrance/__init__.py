@@ -1,7 +1,7 @@
 """Single-bounce microfacets in symmetric V-cavities."""
 
 from brdftab.models import Model
-from brdftab.models.microfacet.params import FRESNEL_PARAMS, NDF_PARAMS, NDFS
+from brdftab.models.common_params import FRESNEL_PARAMS, NDF_PARAMS, NDFS
 
 SPEC = Model(
     name="cook-torrance",

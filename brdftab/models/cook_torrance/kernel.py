@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from brdftab.models.microfacet.single import V_CAVITY, evaluate_points
-from brdftab.models.microfacet.single_table import SingleBounceTable, build
-from brdftab.models.setup import Setup
+from brdftab.models._shared.single_bounce.single import V_CAVITY, evaluate_points
+from brdftab.models._shared.single_bounce.single_table import SingleBounceTable, build
+from brdftab.models.resolve import Setup
 
 
 def points(

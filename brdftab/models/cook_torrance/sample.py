@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.models.microfacet.sampling import (
+from brdftab.models._shared.sampling.sampling import (
     Array,
     angles,
     facet_pdf,
@@ -20,7 +20,7 @@ from brdftab.models.microfacet.sampling import (
     reflect,
     unit,
 )
-from brdftab.models.setup import Setup
+from brdftab.models.resolve import Setup
 
 
 def sample(

@@ -10,15 +10,15 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.models.ilm.bulk import Bodies
-from brdftab.models.ilm.cavity import points_interreflection
-from brdftab.models.ilm.cavity_energy import albedo_of_bodies, albedo_of_mirrors
-from brdftab.models.ilm.rings import gauss
-from brdftab.models.ilm.single import parts
-from brdftab.models.ilm.table import CAVITY_LEVELS, SMITH_LEVELS
-from brdftab.models.microfacet.interface import body_factor
-from brdftab.models.microfacet.masking import smith_lambda
-from brdftab.models.setup import Setup
+from brdftab.models._shared.facets.masking import smith_lambda
+from brdftab.models._shared.fresnel.interface import body_factor
+from brdftab.models.ilm.interreflection.energy import albedo_of_bodies, albedo_of_mirrors
+from brdftab.models.ilm.interreflection.points import points_interreflection
+from brdftab.models.ilm.single_bounce.azimuth_modes import gauss
+from brdftab.models.ilm.single_bounce.many_points import Bodies
+from brdftab.models.ilm.single_bounce.points import parts
+from brdftab.models.ilm.single_bounce.table import CAVITY_LEVELS, SMITH_LEVELS
+from brdftab.models.resolve import Setup
 
 Array = NDArray[np.float64]
 # polar angles and azimuths of the view; albedos come out to about 1e-4

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
+from brdftab.models._shared.facets.flat import mirror_reflectance
 from brdftab.models.ilm.albedo import smooth_albedo
-from brdftab.models.ilm.cavity import points_interreflection
-from brdftab.models.ilm.cavity import specular_setup as singular_setup
-from brdftab.models.ilm.cavity_energy import energy_left_out
-from brdftab.models.ilm.single import parts, specular
-from brdftab.models.ilm.table import prepare
-from brdftab.models.microfacet.flat import mirror_reflectance
-from brdftab.models.setup import Setup
+from brdftab.models.ilm.interreflection.energy import energy_left_out
+from brdftab.models.ilm.interreflection.points import points_interreflection
+from brdftab.models.ilm.interreflection.points import specular_setup as singular_setup
+from brdftab.models.ilm.single_bounce.points import parts, specular
+from brdftab.models.ilm.single_bounce.table import prepare
+from brdftab.models.ilm.single_bounce.twin_sum import points as at_twin_nodes
+from brdftab.models.resolve import Setup
 
 __all__ = [
+    "at_twin_nodes",
     "energy_left_out",
     "errors",
     "mirror_reflectance",
@@ -64,7 +66,7 @@ def points(
     Parameters
     ----------
     setup : Setup
-        From `brdftab.models.setup.resolve`.
+        From `brdftab.models.resolve.resolve`.
     theta_i, theta_o, phi, phi_i : ndarray (N,)
         Radians.
     orders : int

@@ -8,7 +8,7 @@ facet: towards grazing angles only facets that lean to a direction are lit and s
 Eq. 33 of Meneveaux et al. (2018) blends T with its hemispherical mean for the same reason.
 
 With sigma = 0 it is T(i) T(o)/pi, with n = 1 L_a/pi, both to rounding; exchanging both directions changes nothing.
-Coefficients: coefficients.py, written by fit_coefficients.py; the errors: docs/ilm-approx.md.
+Coefficients: coefficients.py, written by tools/fit_ilm_approx.py; the errors: docs/ilm-approx.md.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from __future__ import annotations
 import math
 
 from brdftab.jit import kernel
+from brdftab.models._shared.fresnel.interface import transmission
 from brdftab.models.ilm_approx.coefficients import FACET, LAMBERTIAN
-from brdftab.models.microfacet.interface import transmission
 
 # product of both cosines below which the dot product of the slopes grows no more
 LEAST = 1e-12

@@ -1,4 +1,4 @@
-"""Coefficients of the closed form, written by fit_coefficients.py; not to be edited by hand."""
+"""Coefficients of the closed form, written by tools/fit_ilm_approx.py; not to be edited by hand."""
 
 LAMBERTIAN = (
     0.73709,

@@ -7,13 +7,14 @@ import math
 import numba
 import numpy as np
 
+from brdftab.directions import HORIZON
 from brdftab.jit import parallel_kernel
+from brdftab.models._shared.facets.flat import mirror_reflectance
+from brdftab.models._shared.fresnel.fresnel import reflectance
+from brdftab.models._shared.fresnel.interface import body_factor
+from brdftab.models._shared.single_bounce.single import V_CAVITY, geometry
 from brdftab.models.ilm_approx.approximation import body
-from brdftab.models.microfacet.flat import mirror_reflectance
-from brdftab.models.microfacet.fresnel import reflectance
-from brdftab.models.microfacet.interface import body_factor
-from brdftab.models.microfacet.single import HORIZON, V_CAVITY, geometry
-from brdftab.models.setup import Setup
+from brdftab.models.resolve import Setup
 
 __all__ = ["mirror_reflectance", "points"]
 
@@ -52,7 +53,7 @@ def points(
     Parameters
     ----------
     setup : Setup
-        From `brdftab.models.setup.resolve`.
+        From `brdftab.models.resolve.resolve`.
     theta_i, theta_o, phi, phi_i : ndarray (N,)
         Radians.
     orders : int

@@ -6,12 +6,12 @@ import math
 
 import jax.numpy as jnp
 
+from brdftab.models._shared.twin.frame import half_vector, lifted
+from brdftab.models._shared.twin.fresnel import reflectance
+from brdftab.models._shared.twin.interface import body_factor, transmission
+from brdftab.models._shared.twin.masking import v_cavity
+from brdftab.models._shared.twin.ndf import density
 from brdftab.models.ilm_approx.coefficients import FACET, LAMBERTIAN
-from brdftab.models.microfacet.twin.frame import half_vector, lifted
-from brdftab.models.microfacet.twin.fresnel import reflectance
-from brdftab.models.microfacet.twin.interface import body_factor, transmission
-from brdftab.models.microfacet.twin.masking import v_cavity
-from brdftab.models.microfacet.twin.ndf import density
 
 SHAPE_PARAMS = ("alpha_x", "a")
 BECKMANN, DIELECTRIC = 0, 2

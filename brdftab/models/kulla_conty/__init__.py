@@ -1,7 +1,7 @@
 """Smith single bounce plus Kulla and Conty's lobe for the energy that it misses."""
 
 from brdftab.models import Model
-from brdftab.models.microfacet.params import FRESNEL_PARAMS, NDF_NO_PHONG, SMITH_MASKING
+from brdftab.models.common_params import FRESNEL_PARAMS, NDF_NO_PHONG, SMITH_MASKING
 
 SPEC = Model(
     name="kulla-conty",

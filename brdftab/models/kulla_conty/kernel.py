@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from brdftab.models.microfacet.energy import average_albedo, average_reflectance, missing
-from brdftab.models.microfacet.masking import MASKINGS
-from brdftab.models.microfacet.single import evaluate_points
-from brdftab.models.microfacet.single_table import SingleBounceTable, build
-from brdftab.models.setup import Setup
+from brdftab.models._shared.facets.masking import MASKINGS
+from brdftab.models._shared.single_bounce.albedo import average_albedo, average_reflectance, missing
+from brdftab.models._shared.single_bounce.single import evaluate_points
+from brdftab.models._shared.single_bounce.single_table import SingleBounceTable, build
+from brdftab.models.resolve import Setup
 
 
 def strength(setup: Setup, tolerance: float = 0.0) -> np.ndarray:

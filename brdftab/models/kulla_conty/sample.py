@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from brdftab.models._shared.sampling import facet_samples
+from brdftab.models._shared.sampling.sampling import Array, cosine_hemisphere, cosine_pdf
 from brdftab.models.kulla_conty.kernel import lacking
-from brdftab.models.microfacet import facet_samples
-from brdftab.models.microfacet.sampling import Array, cosine_hemisphere, cosine_pdf
-from brdftab.models.setup import Setup
+from brdftab.models.resolve import Setup
 
 # both lobes keep at least this share, so that no weight runs away
 LEAST = 0.02

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from brdftab.directions import HORIZON
 from brdftab.jit import kernel
-from brdftab.models.setup import Setup
-
-HORIZON = 1e-15
+from brdftab.models.resolve import Setup
 
 
 def points(
@@ -25,7 +24,7 @@ def points(
     Parameters
     ----------
     setup : Setup
-        From `brdftab.models.setup.resolve`.
+        From `brdftab.models.resolve.resolve`.
     theta_i, theta_o, phi, phi_i : ndarray (N,)
         Radians.
     orders : int

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from brdftab.models.setup import Setup
+from brdftab.models.resolve import Setup
 
 
 def plugin(setup: Setup) -> dict[str, Any] | str:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.models.microfacet.sampling import Array, cosine_hemisphere, cosine_pdf
-from brdftab.models.setup import Setup
+from brdftab.models._shared.sampling.sampling import Array, cosine_hemisphere, cosine_pdf
+from brdftab.models.resolve import Setup
 
 
 def sample(

@@ -6,7 +6,7 @@ import math
 
 import jax.numpy as jnp
 
-from brdftab.models.microfacet.twin.frame import lifted
+from brdftab.models._shared.twin.frame import lifted
 
 SHAPE_PARAMS: tuple[str, ...] = ()
 

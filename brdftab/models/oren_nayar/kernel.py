@@ -7,11 +7,11 @@ import math
 import numba
 import numpy as np
 
+from brdftab.directions import HORIZON
 from brdftab.jit import kernel, parallel_kernel
-from brdftab.models.setup import Setup
+from brdftab.models.resolve import Setup
 
 PI = math.pi
-HORIZON = 1e-15
 
 
 @kernel

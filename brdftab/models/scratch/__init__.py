@@ -3,7 +3,7 @@
 import math
 
 from brdftab.models import Model, Param
-from brdftab.models.microfacet.params import FRESNEL_PARAMS
+from brdftab.models.common_params import FRESNEL_PARAMS
 
 PROFILES = "quartic:DEPTH, v:HALF_ANGLE, u:DEPTH[:EXPONENT], ellipse:DEPTH, flat or file:PATH"
 BINS = (8, 512)

@@ -13,6 +13,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from brdftab.directions import HORIZON
 from brdftab.jit import kernel, parallel_kernel
 from brdftab.materials.fresnel import Fresnel
 from brdftab.models.scratch.balance import balanced, strength, strengths
@@ -21,7 +22,6 @@ from brdftab.models.scratch.shoot import CLASSES
 from brdftab.models.scratch.trace import Traced
 
 Array = NDArray[np.float64]
-HORIZON = 1e-15
 # Gauss nodes over the kernel's width
 NODES = 24
 

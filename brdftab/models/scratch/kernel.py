@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from brdftab.models.resolve import Setup
 from brdftab.models.scratch import blur
 from brdftab.models.scratch.shoot import ORDERS
 from brdftab.models.scratch.trace import CAP, Traced, rays_for, traced
-from brdftab.models.setup import Setup
 
 
 def surface(setup: Setup, tolerance: float) -> Traced:

@@ -12,12 +12,13 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from brdftab.directions import HORIZON
 from brdftab.jit import kernel, parallel_kernel
 from brdftab.materials.fresnel import Fresnel
-from brdftab.models.microfacet.project import unit_gauss
-from brdftab.models.scratch.blur import HORIZON, bin_of, coordinates
+from brdftab.models.scratch.blur import bin_of, coordinates
 from brdftab.models.scratch.shade import add_path, arguments, groups_of_layers
 from brdftab.models.scratch.trace import Traced
+from brdftab.quadrature import unit_gauss
 
 Array = NDArray[np.float64]
 NODES = 8

@@ -7,11 +7,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.models.microfacet.sampling import PDF_TOLERANCE
+from brdftab.models._shared.sampling.sampling import PDF_TOLERANCE
+from brdftab.models.resolve import Setup
 from brdftab.models.scratch.blur import bin_of, coordinates, kernel_value
 from brdftab.models.scratch.kernel import surface
 from brdftab.models.scratch.trace import Traced
-from brdftab.models.setup import Setup
 
 Array = NDArray[np.float64]
 

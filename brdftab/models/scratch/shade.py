@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from brdftab.jit import kernel, parallel_kernel
 from brdftab.materials.fresnel import MIRROR, Fresnel
-from brdftab.models.microfacet.fresnel import fill_table, multiply
+from brdftab.models._shared.fresnel.fresnel import fill_table, multiply
 from brdftab.models.scratch.shoot import CLASSES, ORDERS
 from brdftab.models.scratch.tracer import GROUPS
 

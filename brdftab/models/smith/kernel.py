@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from brdftab.models.microfacet.masking import MASKINGS
-from brdftab.models.microfacet.single import evaluate_points
-from brdftab.models.microfacet.single_table import SingleBounceTable, build
-from brdftab.models.setup import Setup
+from brdftab.models._shared.facets.masking import MASKINGS
+from brdftab.models._shared.single_bounce.single import evaluate_points
+from brdftab.models._shared.single_bounce.single_table import SingleBounceTable, build
+from brdftab.models.resolve import Setup
 
 
 def points(

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from brdftab.materials.fresnel import CONDUCTOR, MIRROR
-from brdftab.models.setup import Setup
+from brdftab.models.resolve import Setup
 
 # Mitsuba takes Walter's rational fit of Beckmann's G1
 MASKINGS = {"ggx": "separable", "beckmann": "smith-walter"}

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from brdftab.models.microfacet.twin import single
-from brdftab.models.microfacet.twin.masking import MASKINGS
-from brdftab.models.microfacet.twin.single import SHAPE_PARAMS, value
+from brdftab.models._shared.twin import single
+from brdftab.models._shared.twin.masking import MASKINGS
+from brdftab.models._shared.twin.single import SHAPE_PARAMS, value
 
 __all__ = ["SHAPE_PARAMS", "shapes", "value"]
 

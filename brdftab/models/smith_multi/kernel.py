@@ -1,4 +1,4 @@
-"""All bounces of Smith microfacets: which of the roads serves a setup.
+"""All bounces of Smith microfacets: which backend serves a setup.
 
 volterra/: the noise-free solver of reflecting surfaces; dielectric/: that of dielectrics; montecarlo/: the estimators.
 """
@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from brdftab.models.setup import Setup
+from brdftab.models.resolve import Setup
 
 LAYERED = True
 # directions are solved together, and how many there are turns the last bits: blocks have one size, whatever the time
@@ -19,7 +19,7 @@ JOINT = True
 NOISE = 1e-3
 
 
-def _road(setup: Setup) -> Any:
+def _backend(setup: Setup) -> Any:
     """Return the package that evaluates a setup; the others are not loaded."""
     name = "montecarlo" if stochastic(setup) else ("dielectric" if setup.transmits else "volterra")
     return importlib.import_module(f"brdftab.models.smith_multi.{name}")
@@ -36,12 +36,12 @@ def points(
     tolerance: float,
 ) -> np.ndarray:
     """Evaluate at N pairs of directions (radians); returns (N, P, C) in 1/sr."""
-    return _road(setup).points(setup, theta_i, theta_o, phi, phi_i, orders=orders, tolerance=tolerance)
+    return _backend(setup).points(setup, theta_i, theta_o, phi, phi_i, orders=orders, tolerance=tolerance)
 
 
 def prepare(setup: Setup, tolerance: float, trial: bool = False, orders: int = 0) -> Any:
     """Return the solver's product-grid tables, or None for the estimators."""
-    return None if stochastic(setup) else _road(setup).prepare(setup, tolerance, trial, orders)
+    return None if stochastic(setup) else _backend(setup).prepare(setup, tolerance, trial, orders)
 
 
 def albedo(setup: Setup, theta_i: np.ndarray, phi_i: float, tolerance: float) -> np.ndarray:
@@ -50,15 +50,15 @@ def albedo(setup: Setup, theta_i: np.ndarray, phi_i: float, tolerance: float) ->
     Estimators draw walks, to a standard error of `tolerance` or 1e-3.
     """
     if stochastic(setup):
-        return _road(setup).albedo(setup, theta_i, phi_i, max(tolerance, NOISE))
-    return _road(setup).albedo(setup, theta_i, tolerance)
+        return _backend(setup).albedo(setup, theta_i, phi_i, max(tolerance, NOISE))
+    return _backend(setup).albedo(setup, theta_i, tolerance)
 
 
 def split_albedo(setup: Setup, theta_i: np.ndarray, phi_i: float, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
     """Return what a dielectric reflects and what it transmits, (N, C) each; light from either side, as `albedo`."""
     if stochastic(setup):
-        return _road(setup).split_albedo(setup, theta_i, phi_i, max(tolerance, NOISE))
-    return _road(setup).split_albedo(setup, theta_i, tolerance)
+        return _backend(setup).split_albedo(setup, theta_i, phi_i, max(tolerance, NOISE))
+    return _backend(setup).split_albedo(setup, theta_i, tolerance)
 
 
 def stochastic(setup: Setup) -> bool:
@@ -68,14 +68,14 @@ def stochastic(setup: Setup) -> bool:
 
 def estimates(setup: Setup, *angles: np.ndarray, orders: int, tolerance: float) -> Any:
     """Return values with standard errors at N pairs of directions, see `montecarlo.estimates`."""
-    return _road(setup).estimates(setup, *angles, orders=orders, tolerance=tolerance)
+    return _backend(setup).estimates(setup, *angles, orders=orders, tolerance=tolerance)
 
 
 def estimate_table(setup: Setup, axes: dict[str, np.ndarray], **options: Any) -> Any:
     """Return values with standard errors on a product grid, see `montecarlo.estimate_table`."""
-    return _road(setup).estimate_table(setup, axes, **options)
+    return _backend(setup).estimate_table(setup, axes, **options)
 
 
 def finest(setup: Setup) -> float:
     """Return the tolerance of the solver's finest rule; tighter ones are served by the same."""
-    return float(_road(setup).FINEST)
+    return float(_backend(setup).FINEST)

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.models.microfacet.walk.drawing import density, draw
-from brdftab.models.setup import Setup
+from brdftab.models._shared.random_walk.drawing import density, draw
+from brdftab.models.resolve import Setup
 
 Array = NDArray[np.float64]
 

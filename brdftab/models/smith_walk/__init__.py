@@ -1,7 +1,7 @@
 """Random walks on Smith microfacets, with heights."""
 
 from brdftab.models import Model
-from brdftab.models.microfacet.params import BOUNDARY_PARAMS, MAX_BOUNCES, NDF_NO_PHONG, SAMPLING_PARAMS
+from brdftab.models.common_params import BOUNDARY_PARAMS, MAX_BOUNCES, NDF_NO_PHONG, SAMPLING_PARAMS
 
 SPEC = Model(
     name="smith-walk",

@@ -11,12 +11,12 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.models.microfacet.walk.estimates import Estimates
-from brdftab.models.microfacet.walk.exits import mean_exit, split_exit
-from brdftab.models.microfacet.walk.reflecting import reflecting
-from brdftab.models.microfacet.walk.survey import Road, at_points, on_grid
-from brdftab.models.microfacet.walk.through import transmitting
-from brdftab.models.setup import Setup
+from brdftab.models._shared.random_walk.estimates import Estimates
+from brdftab.models._shared.random_walk.exits import mean_exit, split_exit
+from brdftab.models._shared.random_walk.reflecting import reflecting
+from brdftab.models._shared.random_walk.refracting import transmitting
+from brdftab.models._shared.random_walk.sampling_plan import Road, at_points, on_grid
+from brdftab.models.resolve import Setup
 
 Array = NDArray[np.float64]
 # standard error of albedos by walks

@@ -1,7 +1,7 @@
 """Smith single bounce, scaled up by the energy that it misses (Turquin)."""
 
 from brdftab.models import Model
-from brdftab.models.microfacet.params import FRESNEL_PARAMS, NDF_NO_PHONG, SMITH_MASKING
+from brdftab.models.common_params import FRESNEL_PARAMS, NDF_NO_PHONG, SMITH_MASKING
 
 SPEC = Model(
     name="turquin",

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from brdftab.models.microfacet.energy import missing
-from brdftab.models.microfacet.fresnel import reflectance
-from brdftab.models.microfacet.masking import MASKINGS
-from brdftab.models.microfacet.single import evaluate_points
-from brdftab.models.microfacet.single_table import SingleBounceTable, build
-from brdftab.models.setup import Setup
+from brdftab.models._shared.facets.masking import MASKINGS
+from brdftab.models._shared.fresnel.fresnel import reflectance
+from brdftab.models._shared.single_bounce.albedo import missing
+from brdftab.models._shared.single_bounce.single import evaluate_points
+from brdftab.models._shared.single_bounce.single_table import SingleBounceTable, build
+from brdftab.models.resolve import Setup
 
 
 def weighted(setup: Setup) -> Setup:

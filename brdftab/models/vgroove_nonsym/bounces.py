@@ -11,11 +11,11 @@ import math
 import numpy as np
 
 from brdftab.jit import kernel
-from brdftab.models.microfacet.fresnel import multiply_chain, multiply_long_chain
-from brdftab.models.microfacet.groove2d import beam_even, beam_odd
-from brdftab.models.microfacet.logfresnel import add_products, power_sums, spread_sums
-from brdftab.models.microfacet.ndf import density, opposite_norm
-from brdftab.models.microfacet.tail import tail_node, tail_panel, tail_panels, tail_power
+from brdftab.models._shared.facets.ndf import density, opposite_norm
+from brdftab.models._shared.fresnel.fresnel import multiply_chain, multiply_long_chain
+from brdftab.models._shared.fresnel.logfresnel import add_products, power_sums, spread_sums
+from brdftab.models._shared.grooves.groove2d import beam_even, beam_odd
+from brdftab.models._shared.grooves.tail import tail_node, tail_panel, tail_panels, tail_power
 from brdftab.models.vgroove_nonsym.panels import BROAD, left_tilt, panel_edges
 
 PI = math.pi

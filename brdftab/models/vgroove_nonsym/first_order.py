@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from brdftab.jit import kernel
-from brdftab.models.microfacet.ndf import opposite_norm
+from brdftab.models._shared.facets.ndf import opposite_norm
 
 PI = math.pi
 ROOT_PI = math.sqrt(PI)

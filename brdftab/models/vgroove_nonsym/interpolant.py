@@ -13,21 +13,22 @@ import math
 import numba
 import numpy as np
 
+from brdftab.directions import HORIZON
 from brdftab.jit import kernel, parallel_kernel
 from brdftab.materials.fresnel import Fresnel, reflectance
-from brdftab.models.microfacet.frame import groove_plane, pair
-from brdftab.models.microfacet.logfresnel import fit
-from brdftab.models.microfacet.ndf import density
-from brdftab.models.microfacet.project import arguments, thinned, unit_gauss
-from brdftab.models.setup import Setup
+from brdftab.models._shared.facets.frame import groove_plane, pair
+from brdftab.models._shared.facets.ndf import density
+from brdftab.models._shared.fresnel.logfresnel import fit
+from brdftab.models._shared.fresnel.project import arguments, thinned
+from brdftab.models.resolve import Setup
 from brdftab.models.vgroove_nonsym.bounces import NODES, add_bounces
+from brdftab.models.vgroove_nonsym.direct import PAIRED, points
 from brdftab.models.vgroove_nonsym.first_order import mean_masking
-from brdftab.models.vgroove_nonsym.kernel import PAIRED, points
 from brdftab.models.vgroove_nonsym.panels import CUTS
+from brdftab.quadrature import unit_gauss
 
 PI = math.pi
 HALF_PI = 0.5 * math.pi
-HORIZON = 1e-15
 TINY = 1e-300
 MIRROR = 1e-14
 # the tightest tolerance that the fixed grid can hold

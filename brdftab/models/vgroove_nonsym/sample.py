@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.models.microfacet.sampling import (
+from brdftab.models._shared.sampling.sampling import (
     Array,
     angles,
     facet_slopes,
@@ -22,7 +22,7 @@ from brdftab.models.microfacet.sampling import (
     tangents_beside,
     unit,
 )
-from brdftab.models.setup import Setup
+from brdftab.models.resolve import Setup
 from brdftab.models.vgroove_nonsym import kernel
 
 

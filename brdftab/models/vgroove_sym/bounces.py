@@ -11,10 +11,10 @@ import math
 import numpy as np
 
 from brdftab.jit import kernel
-from brdftab.models.microfacet.fresnel import multiply_chain, multiply_long_chain
-from brdftab.models.microfacet.groove2d import beam_symmetric
-from brdftab.models.microfacet.ndf import density
-from brdftab.models.microfacet.tail import tail_node, tail_panel, tail_panels, tail_power
+from brdftab.models._shared.facets.ndf import density
+from brdftab.models._shared.fresnel.fresnel import multiply_chain, multiply_long_chain
+from brdftab.models._shared.grooves.groove2d import beam_symmetric
+from brdftab.models._shared.grooves.tail import tail_node, tail_panel, tail_panels, tail_power
 
 PI = math.pi
 # terms below exp(-45) of the largest exponent met so far cannot change a float64 sum

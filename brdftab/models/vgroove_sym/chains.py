@@ -13,7 +13,7 @@ import numpy as np
 
 from brdftab.jit import kernel
 from brdftab.materials.fresnel import Fresnel, reflectance
-from brdftab.models.vgroove_sym.lanes import (
+from brdftab.models.vgroove_sym.simd_rows import (
     BIG_L,
     C_BIG,
     C_SMALL,

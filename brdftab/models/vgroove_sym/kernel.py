@@ -8,19 +8,20 @@ from typing import Any
 import numba
 import numpy as np
 
+from brdftab.directions import HORIZON
 from brdftab.jit import kernel, parallel_kernel
-from brdftab.models.microfacet.frame import groove_plane, pair
-from brdftab.models.microfacet.fresnel import multiply
-from brdftab.models.microfacet.masking import v_cavity
-from brdftab.models.microfacet.ndf import density, shape_at
-from brdftab.models.microfacet.project import arguments, project, unit_gauss
-from brdftab.models.microfacet.rough import rough_class
-from brdftab.models.setup import Setup, component_names
+from brdftab.models._shared.facets.frame import groove_plane, pair
+from brdftab.models._shared.facets.masking import v_cavity
+from brdftab.models._shared.facets.ndf import density, shape_at
+from brdftab.models._shared.facets.rough import rough_class
+from brdftab.models._shared.fresnel.fresnel import multiply
+from brdftab.models._shared.fresnel.project import arguments, project
+from brdftab.models.resolve import Setup, component_names
 from brdftab.models.vgroove_sym.bounces import add_bounces, step_tables
 from brdftab.models.vgroove_sym.rules import rule
 from brdftab.models.vgroove_sym.table import prepare as prepare
+from brdftab.quadrature import unit_gauss
 
-HORIZON = 1e-15
 NO_CAP = 2_000_000_000
 # below this sine of theta_h two or more bounces are not evaluated: `singular` refuses the direction first
 MIRROR = 1e-14
@@ -129,7 +130,7 @@ def points(
     Parameters
     ----------
     setup : Setup
-        From `brdftab.models.setup.resolve`.
+        From `brdftab.models.resolve.resolve`.
     theta_i, theta_o, phi, phi_i : ndarray (N,)
         Radians.
     orders : int

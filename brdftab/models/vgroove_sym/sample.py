@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.models.microfacet.sampling import (
+from brdftab.models._shared.sampling.sampling import (
     Array,
     angles,
     facet_slopes,
@@ -19,7 +19,7 @@ from brdftab.models.microfacet.sampling import (
     reflect_in_grooves,
     unit,
 )
-from brdftab.models.setup import Setup
+from brdftab.models.resolve import Setup
 from brdftab.models.vgroove_sym import kernel
 
 

@@ -16,12 +16,11 @@ import numpy as np
 
 from brdftab.jit import kernel, parallel_kernel
 from brdftab.materials.fresnel import MIRROR, Fresnel, reflectance
-from brdftab.models.microfacet.frame import pair
-from brdftab.models.microfacet.groove2d import beam_symmetric
-from brdftab.models.microfacet.ndf import density, shape_at
-from brdftab.models.microfacet.project import unit_gauss
-from brdftab.models.microfacet.tail import tail_node
-from brdftab.models.setup import Setup
+from brdftab.models._shared.facets.frame import pair
+from brdftab.models._shared.facets.ndf import density, shape_at
+from brdftab.models._shared.grooves.groove2d import beam_symmetric
+from brdftab.models._shared.grooves.tail import tail_node
+from brdftab.models.resolve import Setup
 from brdftab.models.vgroove_sym.bounces import sincos_small, step_tables
 from brdftab.models.vgroove_sym.chains import (
     DEGREE,
@@ -33,7 +32,7 @@ from brdftab.models.vgroove_sym.chains import (
     push_chains,
     push_expanded,
 )
-from brdftab.models.vgroove_sym.lanes import (
+from brdftab.models.vgroove_sym.simd_rows import (
     BIG,
     C_BIG,
     C_SMALL,
@@ -59,6 +58,7 @@ from brdftab.models.vgroove_sym.lanes import (
     order,
     store,
 )
+from brdftab.quadrature import unit_gauss
 
 NO_CAP = 2_000_000_000
 # the tightest tolerance that polynomials and bounce sum are laid out for
@@ -303,7 +303,7 @@ def prepare(setup: Setup, tolerance: float, trial: bool = False) -> Prepared | N
     Parameters
     ----------
     setup : Setup
-        From `brdftab.models.setup.resolve`.
+        From `brdftab.models.resolve.resolve`.
     tolerance : float
         Relative error asked, against the largest channel of a cell.
     trial : bool

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from brdftab.errors import ParameterError
-from brdftab.models.setup import Setup, resolve
+from brdftab.models.resolve import Setup, resolve
 from brdftab.validate.finding import Finding
 from brdftab.validate.probe import Subject
 

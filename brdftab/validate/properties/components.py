@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from brdftab import models
-from brdftab.evaluation import ORDERS
+from brdftab.evaluation.points import ORDERS
 from brdftab.validate.finding import Finding
 from brdftab.validate.probe import Subject
 

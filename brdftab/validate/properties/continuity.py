@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from brdftab.errors import ParameterError
-from brdftab.models.setup import Setup, resolve
+from brdftab.models.resolve import Setup, resolve
 from brdftab.validate.finding import ANGLES, Finding
 from brdftab.validate.jumps import Jump, jumps
 from brdftab.validate.probe import Array, Probe, Subject

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from brdftab.engine import Engine
-from brdftab.integrals import NODES, directional
-from brdftab.models.setup import Setup, resolve
+from brdftab.evaluation.albedo import NODES, directional
+from brdftab.evaluation.engine import Engine
+from brdftab.models.resolve import Setup, resolve
 from brdftab.validate.finding import Finding
 from brdftab.validate.probe import Subject
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from brdftab.errors import ParameterError
-from brdftab.models.setup import resolve
+from brdftab.models.resolve import resolve
 from brdftab.validate.finding import Finding
 from brdftab.validate.probe import Subject
 from brdftab.validate.properties.energy import QUADRATURE, albedos

@@ -8,8 +8,8 @@ import numpy as np
 
 from brdftab.materials.fresnel import CONDUCTOR
 from brdftab.models import twins
-from brdftab.models.microfacet.twin.static import WEIGHTS
-from brdftab.models.setup import Setup
+from brdftab.models._shared.twin.static import WEIGHTS
+from brdftab.models.resolve import Setup
 from brdftab.validate import differences, sweep
 from brdftab.validate.angles import directions
 from brdftab.validate.finding import Finding

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from brdftab.models.setup import Setup
+from brdftab.models.resolve import Setup
 from brdftab.validate.finding import Finding
 from brdftab.validate.probe import Array, Subject
 

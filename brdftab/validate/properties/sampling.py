@@ -8,10 +8,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from brdftab import models
-from brdftab.engine import Engine
-from brdftab.integrals import NODES, directional, half_vector_nodes
-from brdftab.models.setup import Setup
-from brdftab.sampling import Samples, pdf, sample
+from brdftab.evaluation.albedo import NODES, directional, half_vector_nodes
+from brdftab.evaluation.engine import Engine
+from brdftab.evaluation.importance_sampling import Samples, pdf, sample
+from brdftab.models.resolve import Setup
 from brdftab.validate.finding import Finding
 from brdftab.validate.probe import Array, Subject
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from brdftab.models.setup import Setup, resolve
+from brdftab.models.resolve import Setup, resolve
 from brdftab.validate import condition, sweep
 from brdftab.validate.finding import Finding
 from brdftab.validate.probe import Subject

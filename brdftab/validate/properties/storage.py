@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from brdftab.engine import Engine
+from brdftab.evaluation.engine import Engine
 from brdftab.validate.finding import Finding
 from brdftab.validate.probe import Array, Probe, Subject
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from brdftab.models.setup import Setup, resolve
+from brdftab.models.resolve import Setup, resolve
 from brdftab.validate.angles import Angles, directions
 from brdftab.validate.finding import Finding
 from brdftab.validate.probe import Probe, Subject

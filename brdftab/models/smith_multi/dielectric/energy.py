@@ -11,8 +11,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.models.microfacet.refraction import weight
-from brdftab.models.setup import Setup
+from brdftab.models._shared.random_walk.refraction import weight
+from brdftab.models.resolve import Setup
 from brdftab.models.smith_multi.dielectric.levels import Level, energy_levels
 from brdftab.models.smith_multi.dielectric.solve import SWEEPS, System, sweep
 

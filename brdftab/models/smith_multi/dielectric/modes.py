@@ -17,7 +17,7 @@ import numba
 import numpy as np
 
 from brdftab.jit import kernel, parallel_kernel
-from brdftab.models.microfacet.refraction import fresnel, transmittance
+from brdftab.models._shared.random_walk.refraction import fresnel, transmittance
 
 ABOVE, BELOW, THROUGH = 0, 1, 2
 LANES = 8

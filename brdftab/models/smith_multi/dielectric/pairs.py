@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.models.microfacet.project import unit_gauss
 from brdftab.models.smith_multi.dielectric.levels import Level
 from brdftab.models.smith_multi.dielectric.modes import ABOVE, BELOW, THROUGH
 from brdftab.models.smith_multi.dielectric.series import TOP, Part, chebyshev
@@ -30,6 +29,7 @@ from brdftab.models.smith_multi.dielectric.solve import (
     rows_from,
 )
 from brdftab.models.smith_multi.dielectric.states import CLOSE, LOWEST, Side, build
+from brdftab.quadrature import unit_gauss
 
 Array = NDArray[np.float64]
 Rows = tuple[Array, Array]

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.errors import ParameterError
-from brdftab.models.microfacet.project import unit_gauss
 from brdftab.models.smith_multi.dielectric.levels import Level
 from brdftab.models.smith_multi.dielectric.modes import ABOVE, BELOW, THROUGH, integrate, largest, lobes
 from brdftab.models.smith_multi.dielectric.states import LOWEST, build, one_sided, panel_edges
+from brdftab.quadrature import unit_gauss
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.models.microfacet.project import unit_gauss
-from brdftab.models.microfacet.refraction import weight
+from brdftab.models._shared.random_walk.refraction import weight
 from brdftab.models.smith_multi.dielectric.levels import Level
+from brdftab.quadrature import unit_gauss
 
 Array = NDArray[np.float64]
 # edges closer than this are one edge

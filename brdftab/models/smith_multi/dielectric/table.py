@@ -8,10 +8,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from brdftab.directions import HORIZON
 from brdftab.jit import parallel_kernel
-from brdftab.models.microfacet.refraction import single_bounce, weight
-from brdftab.models.microfacet.single import HORIZON
-from brdftab.models.setup import Setup, component_names
+from brdftab.models._shared.random_walk.refraction import single_bounce, weight
+from brdftab.models.resolve import Setup, component_names
 from brdftab.models.smith_multi.dielectric.levels import further, level
 from brdftab.models.smith_multi.dielectric.pairs import solve_pairs
 from brdftab.models.smith_multi.dielectric.series import Part, evaluate, evaluate_pairs, solve
@@ -191,7 +191,7 @@ def prepare(setup: Setup, tolerance: float, trial: bool = False, orders: int = 0
     Parameters
     ----------
     setup : Setup
-        From `brdftab.models.setup.resolve`, estimator solver.
+        From `brdftab.models.resolve.resolve`, estimator solver.
     tolerance : float
         Relative error asked of every cell.
     trial : bool

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.models.microfacet.walk.estimates import Estimates
-from brdftab.models.microfacet.walk.exits import mean_exit, split_exit
-from brdftab.models.microfacet.walk.survey import Road, at_points, on_grid
-from brdftab.models.setup import Setup
+from brdftab.models._shared.random_walk.estimates import Estimates
+from brdftab.models._shared.random_walk.exits import mean_exit, split_exit
+from brdftab.models._shared.random_walk.sampling_plan import Road, at_points, on_grid
+from brdftab.models.resolve import Setup
 
 __all__ = ["Estimates", "albedo", "estimate_table", "estimates", "points", "split_albedo"]
 
@@ -40,7 +40,7 @@ def estimates(
     orders : int
         0 for the total, else bounce orders up to it are kept apart.
     tolerance : float
-        Relative standard error where `samples` is not set; see `microfacet.walk.estimates.estimate`.
+        Relative standard error where `samples` is not set; see `random_walk.estimates.estimate`.
 
     Returns
     -------

@@ -20,19 +20,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.jit import kernel, parallel_kernel
-from brdftab.models.microfacet.fresnel import multiply
-from brdftab.models.microfacet.masking import SEPARABLE
-from brdftab.models.microfacet.project import arguments, thinned
-from brdftab.models.microfacet.single import evaluate_points
-from brdftab.models.microfacet.walk.estimates import Whole
-from brdftab.models.microfacet.walk.normals import visible_normal
-from brdftab.models.microfacet.walk.reflecting import LONGEST
-from brdftab.models.microfacet.walk.rng import uniforms
-from brdftab.models.microfacet.walk.rows import add_squares
-from brdftab.models.microfacet.walk.survey import Road
-from brdftab.models.microfacet.walk.terms import facet, segment
-from brdftab.models.microfacet.walk.trace import thin_out
-from brdftab.models.setup import Setup
+from brdftab.models._shared.facets.masking import SEPARABLE
+from brdftab.models._shared.fresnel.fresnel import multiply
+from brdftab.models._shared.fresnel.project import arguments, thinned
+from brdftab.models._shared.random_walk.estimates import Whole
+from brdftab.models._shared.random_walk.normals import visible_normal
+from brdftab.models._shared.random_walk.reflecting import LONGEST
+from brdftab.models._shared.random_walk.rng import uniforms
+from brdftab.models._shared.random_walk.rows import add_squares
+from brdftab.models._shared.random_walk.sampling_plan import Road
+from brdftab.models._shared.random_walk.terms import facet, segment
+from brdftab.models._shared.random_walk.trace import thin_out
+from brdftab.models._shared.single_bounce.single import evaluate_points
+from brdftab.models.resolve import Setup
 
 Array = NDArray[np.float64]
 # throughput below which walks end at random

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.models.microfacet.masking import SEPARABLE
-from brdftab.models.microfacet.project import arguments, thinned
-from brdftab.models.microfacet.single import evaluate_points
-from brdftab.models.microfacet.walk.layout import vectors
-from brdftab.models.microfacet.walk.survey import Road
-from brdftab.models.setup import Setup
+from brdftab.models._shared.facets.masking import SEPARABLE
+from brdftab.models._shared.fresnel.project import arguments, thinned
+from brdftab.models._shared.random_walk.layout import vectors
+from brdftab.models._shared.random_walk.sampling_plan import Road
+from brdftab.models._shared.single_bounce.single import evaluate_points
+from brdftab.models.resolve import Setup
 from brdftab.models.smith_multi.montecarlo import bdpt
 from brdftab.models.smith_multi.montecarlo.second import second_bounces
 

@@ -7,10 +7,10 @@ a dielectric F decides between reflection and refraction.
 
 from __future__ import annotations
 
-from brdftab.models.microfacet.walk.reflecting import reflecting
-from brdftab.models.microfacet.walk.survey import Road
-from brdftab.models.microfacet.walk.through import transmitting
-from brdftab.models.setup import Setup
+from brdftab.models._shared.random_walk.reflecting import reflecting
+from brdftab.models._shared.random_walk.refracting import transmitting
+from brdftab.models._shared.random_walk.sampling_plan import Road
+from brdftab.models.resolve import Setup
 
 
 def roads(setup: Setup, tolerance: float) -> list[Road]:

@@ -19,10 +19,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from brdftab.directions import HORIZON
 from brdftab.jit import kernel, parallel_kernel
-from brdftab.models.microfacet.fresnel import multiply
-from brdftab.models.microfacet.single import HORIZON
-from brdftab.models.microfacet.walk.terms import facet, segment
+from brdftab.models._shared.fresnel.fresnel import multiply
+from brdftab.models._shared.random_walk.terms import facet, segment
 
 Array = NDArray[np.float64]
 # the rule of degree 7 with 17 points on [-1, 1]^2: abscissas, weights and those of the embedded rule of degree 5 [GM80]

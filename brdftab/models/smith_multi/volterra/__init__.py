@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from brdftab.models.setup import Setup
+from brdftab.models.resolve import Setup
 from brdftab.models.smith_multi.volterra.energy import albedo
 from brdftab.models.smith_multi.volterra.points import evaluate
 from brdftab.models.smith_multi.volterra.settings import FINEST, settings

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from brdftab.jit import kernel
-from brdftab.models.microfacet.fresnel import reflectance
+from brdftab.models._shared.fresnel.fresnel import reflectance
 from brdftab.models.smith_multi.volterra.bessel import SPLIT
 
 # pairs below exp(-FAINTEST) are nothing, and products of three such numbers still are normal numbers

@@ -21,7 +21,7 @@ from functools import lru_cache
 import numpy as np
 
 from brdftab.jit import kernel
-from brdftab.models.microfacet.single_rows import exponential
+from brdftab.models._shared.single_bounce.single_rows import exponential
 
 ROOT = 1.0 / math.sqrt(2.0 * math.pi)
 SPLIT = 25.0

@@ -10,11 +10,11 @@ import math
 
 import numpy as np
 
-from brdftab.models.microfacet.single import HORIZON
-from brdftab.models.setup import Setup
+from brdftab.directions import HORIZON
+from brdftab.models.resolve import Setup
 from brdftab.models.smith_multi.volterra.panels import cardinal, gauss, rule, smoothness
 from brdftab.models.smith_multi.volterra.settings import settings
-from brdftab.models.smith_multi.volterra.table import LOWEST, distribution, fitted_fresnel
+from brdftab.models.smith_multi.volterra.sources import LOWEST, distribution, fitted_fresnel
 
 ZERO = np.zeros(1)
 # terms of the Neumann series end here

@@ -20,7 +20,7 @@ import numba
 import numpy as np
 
 from brdftab.jit import kernel, parallel_kernel
-from brdftab.models.microfacet.single_rows import exponential, log_one_plus
+from brdftab.models._shared.single_bounce.single_rows import exponential, log_one_plus
 from brdftab.models.smith_multi.volterra.poles import Fit, fit
 
 __all__ = ["Fit", "fit", "modes", "pairs", "reach", "weight"]

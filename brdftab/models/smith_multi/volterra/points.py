@@ -7,12 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from brdftab.models.microfacet.masking import SEPARABLE
-from brdftab.models.microfacet.single import HORIZON, evaluate_points
-from brdftab.models.setup import Setup, component_names
+from brdftab.directions import HORIZON
+from brdftab.models._shared.facets.masking import SEPARABLE
+from brdftab.models._shared.single_bounce.single import evaluate_points
+from brdftab.models.resolve import Setup, component_names
 from brdftab.models.smith_multi.volterra.orders import sum_pairs, to_series
 from brdftab.models.smith_multi.volterra.settings import Settings
-from brdftab.models.smith_multi.volterra.table import distribution, fitted_fresnel, reached, solved_sources
+from brdftab.models.smith_multi.volterra.sources import distribution, fitted_fresnel, reached, solved_sources
 
 # error asked of a panel of one pair over that of a table's
 SINGLE = 0.1

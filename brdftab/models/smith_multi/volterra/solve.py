@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from brdftab import memory
+from brdftab import system
 from brdftab.errors import ParameterError
 from brdftab.models.smith_multi.volterra.orders import Orders
 from brdftab.models.smith_multi.volterra.panels import Mesh
@@ -160,7 +160,7 @@ def _chunks(mesh: Mesh, chosen: Orders, waves: int, reached: np.ndarray) -> list
 
 def _check_memory(shape: tuple[int, int, int], sources: int) -> None:
     """Refuse modes that the machine cannot hold."""
-    needed, there = 8.0 * math.prod(shape), memory.offered()
+    needed, there = 8.0 * math.prod(shape), system.offered()
     if needed > there:
         raise ParameterError(
             f"the solver needs {needed / 2**30:.3g} GiB for the azimuth modes of {sources} polar angles, {shape[1]} "

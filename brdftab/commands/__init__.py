@@ -1,0 +1,1 @@
+"""The commands: one thin module each; everything heavy is imported inside."""

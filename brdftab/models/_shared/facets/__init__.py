@@ -1,0 +1,1 @@
+"""Distributions of facets, their masking, and the frame of half vectors."""

@@ -1,0 +1,1 @@
+"""Single reflection off facets: points, rows and tables, and its albedo."""

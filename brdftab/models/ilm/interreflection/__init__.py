@@ -1,0 +1,1 @@
+"""Light that meets the walls of a V-cavity more than once."""

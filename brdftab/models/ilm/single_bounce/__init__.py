@@ -1,0 +1,1 @@
+"""Light that meets the interface once from above: mirror reflection and the matte body below."""

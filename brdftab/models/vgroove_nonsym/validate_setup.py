@@ -1,0 +1,28 @@
+"""Which roughness has a mean: Phong's opposite facets end at sqrt 2."""
+
+from __future__ import annotations
+
+import math
+
+from brdftab.errors import ParameterError
+from brdftab.models._shared.facets.ndf import PHONG
+from brdftab.models.resolve import Setup
+
+# of Phong's distribution, in alpha
+MOST_PHONG = math.sqrt(2.0)
+
+
+def validate_setup(setup: Setup) -> Setup:
+    """Return the setup.
+
+    Raises
+    ------
+    ParameterError
+        For facets whose opposite ones have no distribution.
+    """
+    if setup.ndf == PHONG and setup.alpha_x >= MOST_PHONG:
+        raise ParameterError(
+            f"alpha = {setup.alpha_x:g} is outside (0, sqrt 2) for ndf = phong in vgroove-nonsym: the opposite facet's "
+            "distribution D sin^2 has no finite integral; use a smaller alpha or vgroove-sym"
+        )
+    return setup

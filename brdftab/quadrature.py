@@ -1,0 +1,33 @@
+"""Gauss rules on the unit interval."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@lru_cache
+def unit_gauss(count: int) -> Array:
+    """Return Gauss-Legendre nodes and weights on (0, 1), shape (2, count)."""
+    x, w = np.polynomial.legendre.leggauss(count)
+    return np.stack([0.5 * (1.0 + x), 0.5 * w])
+
+
+@lru_cache
+def unit_jacobi(count: int, exponent: float) -> Array:
+    """Return nodes and weights on (0, 1), shape (2, count), for x^exponent times what is smooth; exponent > -1.
+
+    From the three-term recurrence of Jacobi's polynomials (Golub and Welsch 1969). The weights are those of
+    Gauss-Jacobi over x^exponent: what is summed is the whole integrand.
+    """
+    j = np.arange(1.0, count)
+    total = 2.0 * j + exponent
+    side = 2.0 * j * (j + exponent) / (total * np.sqrt((total + 1.0) * (total - 1.0)))
+    middle = np.concatenate([[exponent / (exponent + 2.0)], exponent**2 / (total * (total + 2.0))])
+    found, vectors = np.linalg.eigh(np.diag(middle) + np.diag(side, 1) + np.diag(side, -1))
+    x = 0.5 * (1.0 + found)
+    return np.stack([x, vectors[0] ** 2 / (exponent + 1.0) * x**-exponent])

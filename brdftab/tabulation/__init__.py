@@ -1,0 +1,1 @@
+"""Tables with their error: filling and refining grids, cell averages, estimates, provenance."""
