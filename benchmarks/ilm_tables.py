@@ -82,7 +82,7 @@ def measure(grid: Grid, masking: str, ndf: str, sigma: float, tolerance: float, 
     wall, cpu = [], []
     for _ in range(repeats):
         started, used = time.perf_counter(), time.process_time()
-        prepared.fill(grid.theta_i, grid.theta_o, grid.phi, grid.square, values)
+        prepared.fill(grid.theta_i, grid.theta_o, grid.phi, grid.square, values[None])
         wall.append(time.perf_counter() - started)
         cpu.append((time.process_time() - used) / numba.get_num_threads())
     return {

@@ -46,7 +46,7 @@ def our_kernel() -> tuple[Callable[[], None], np.ndarray]:
     prepared = models.kernel("smith").prepare(setup, TOLERANCE)
     theta, phi = axes()
     out = np.empty((*SHAPE, 3), np.float32)
-    return lambda: prepared.fill(theta, theta, phi, True, out), out
+    return lambda: prepared.fill(theta, theta, phi, True, out[None]), out
 
 
 def mitsuba_kernel(threads: int) -> tuple[Callable[[], Any], np.ndarray]:

@@ -58,13 +58,13 @@ def measure(grid: Grid, ndf: str, alpha: float, material: str, tolerance: float,
     prepared = kernel.prepare(setup, tolerance)
     build = time.perf_counter() - started
     assert prepared is not None
-    prepared.fill(grid.theta_i, grid.theta_o, grid.phi, grid.square, values)
+    prepared.fill(grid.theta_i, grid.theta_o, grid.phi, grid.square, values[None])
     error = worst_error(setup, grid, values)
     single = np.empty(values.shape, np.float32)
     wall, cpu = [], []
     for repeat in range(repeats + 1):
         started, used = time.perf_counter(), time.process_time()
-        prepared.fill(grid.theta_i, grid.theta_o, grid.phi, grid.square, single)
+        prepared.fill(grid.theta_i, grid.theta_o, grid.phi, grid.square, single[None])
         if repeat > 0:
             wall.append(time.perf_counter() - started)
             cpu.append((time.process_time() - used) / numba.get_num_threads())

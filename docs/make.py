@@ -16,7 +16,8 @@ import click
 from brdftab.cli import main as group
 from brdftab.commands.options import declared
 from brdftab.materials import indices
-from brdftab.models import Param, names, spec
+from brdftab.models import names, spec
+from brdftab.models.declaration import Param
 from brdftab.validate import limits, properties
 
 HERE = Path(__file__).parent

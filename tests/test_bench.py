@@ -139,11 +139,11 @@ def test_methods_are_found_for_every_model(name):
 @pytest.mark.parametrize("name", models.names())
 def test_what_folders_say_holds(name):
     declared = models.spec(name)
-    for parameter, values in models.declared(name, "METHODS", {}).items():
+    for parameter, values in models.spec(name).methods.items():
         for value in values:
             resolve(name, **{parameter: value})
         assert declared.has(parameter)
-    for other, without in models.declared(name, "APPROXIMATES", {}).items():
+    for other, without in models.spec(name).approximates.items():
         assert all(models.spec(other).has(parameter) for parameter in without)
         kept = [p.name for p in models.spec(other).params if p.name not in without]
         assert any(declared.has(parameter) for parameter in kept)

@@ -17,12 +17,13 @@ from brdftab.fit.parameters import parse
 from brdftab.golden.settings import settings as golden_settings
 from brdftab.models import twins
 from brdftab.models.common_params import FRESNEL_PARAMS
+from brdftab.models.declaration import Model, Param
 from brdftab.models.resolve import resolve
 from brdftab.validate import differences, sweep
 
 FITTABLE = [name for name in models.names() if models.has_twin(name)]
 OWN = """
-from brdftab.models import Model, Param
+from brdftab.models.declaration import Model, Param
 
 SPEC = Model(
     name="own-k", title="Two numbers", summary="kd (1 + k sin(theta_i) sin(theta_o)) / pi",
@@ -50,7 +51,7 @@ def value(static, p, shapes, d):
 
 # every name here has another meaning in some model of the registry, or in what serves them
 NAMES = """
-from brdftab.models import Model, Param
+from brdftab.models.declaration import Model, Param
 from brdftab.models.common_params import NDF_NO_PHONG
 
 SPEC = Model(
@@ -350,7 +351,7 @@ def test_names_mean_what_their_model_says(tmp_path):
 def test_names_that_twins_use_are_refused():
     for name, more in (("a", FRESNEL_PARAMS), ("prepared", ())):
         with pytest.raises(ValueError, match=f"{name} of model x is what twins call something else"):
-            models.Model("x", "", "", (models.Param(name, "", 1.0, (0.0, 1.0), ""), *more), ("one",), "", "", "")
+            Model("x", "", "", (Param(name, "", 1.0, (0.0, 1.0), ""), *more), ("one",), "", "", "")
 
 
 def test_an_angle_in_one_term_and_a_number_in_another_is_asked_for(tmp_path):

@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 
 import brdftab
 from brdftab.errors import BrdftabError, ParameterError
-from brdftab.fit import losses, normal_equations, solver, stages
+from brdftab.fit import losses, normal_equations, program, solver, stages
 from brdftab.fit.api import rank
 from brdftab.fit.data import Dataset
 from brdftab.fit.parameters import parse
@@ -140,13 +140,13 @@ def small_problem(model="smith+oren-nayar", loss="log", robust=False, seed=3, **
     rng = np.random.default_rng(seed)
     angles = np.stack([*rng.uniform(0.0, 1.3, (2, 700)), rng.uniform(0.0, math.pi, 700)])
     total = parse(model, None, {"ndf": "ggx", **fixed})
-    made, numbers = normal_equations.problem(total, loss, robust, 1e-2)
+    made, numbers = program.problem(total, loss, robust, 1e-2)
     values = rng.uniform(0.05, 0.4, (700, 2))
     weight = (rng.random((700, 2)) < 0.9) * rng.uniform(0.5, 1.0, (700, 2))
     saturated = rng.random((700, 2)) < 0.1
     target = losses.transform(loss, values, np.cos(angles[0])[:, None])
     packed = normal_equations.pack(*angles, target, weight, saturated, 2)
-    fixed = normal_equations.channel_fixed(numbers, 2), normal_equations.rules(made, 1e-2)
+    fixed = program.channel_fixed(numbers, 2), program.rules(made, 1e-2)
     return total, made, fixed, packed, angles, target, weight, saturated
 
 

@@ -23,8 +23,8 @@ from brdftab.models._shared.fresnel.interface import (
     transmission,
 )
 from brdftab.models.ilm.albedo import smooth_albedo
-from brdftab.models.ilm.kernel import errors
 from brdftab.models.ilm.single_bounce import rule_choice, twin_sum
+from brdftab.models.ilm.single_bounce.points import errors
 from brdftab.models.resolve import resolve
 
 RIGHT = 0.5 * math.pi

@@ -83,7 +83,7 @@ def tabulated(setup, polar, azimuths, tolerance, *, view=None, dtype=np.float64)
     assert prepared is not None
     view = polar if view is None else view
     out = np.full((polar.size, view.size, azimuths.size, len(setup.channels)), np.nan, dtype)
-    prepared.fill(polar, view, azimuths, view is polar, out)
+    prepared.fill(polar, view, azimuths, view is polar, out[None])
     return out
 
 

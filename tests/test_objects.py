@@ -278,7 +278,7 @@ def bare(tmp_path, monkeypatch):
     folder = tmp_path / "bare"
     folder.mkdir()
     (folder / "__init__.py").write_text(
-        "from brdftab.models import Model\n"
+        "from brdftab.models.declaration import Model\n"
         'SPEC = Model("bare", "Bare", "none", (), (), "none", "none", "none", roughness="")\n'
     )
     (folder / "kernel.py").write_text('"""None."""\n')

@@ -17,6 +17,7 @@ from brdftab.cli import main
 from brdftab.commands.options import declared
 from brdftab.errors import ParameterError
 from brdftab.evaluation.points import is_stochastic
+from brdftab.models.declaration import Model
 from brdftab.models.resolve import component_names, resolve
 
 NAMES = models.names()
@@ -219,7 +220,7 @@ def fields_of(setup):
         return setup.dtype.str, setup.shape, setup.tobytes()
     if isinstance(setup, dict):
         return {name: fields_of(value) for name, value in setup.items()}
-    if dataclasses.is_dataclass(setup) and not isinstance(setup, models.Model):
+    if dataclasses.is_dataclass(setup) and not isinstance(setup, Model):
         return {field.name: fields_of(getattr(setup, field.name)) for field in dataclasses.fields(setup)}
     return setup
 

@@ -15,6 +15,7 @@ import brdftab
 from brdftab import models
 from brdftab.errors import ParameterError
 from brdftab.models._shared.sampling.sampling import leave_groove, visible_slope
+from brdftab.models.declaration import Model
 from brdftab.models.resolve import resolve
 
 # a density 2 % wrong stands out with the first, 3 % with the second
@@ -37,7 +38,7 @@ FACETS: list[tuple[dict[str, Any], float, float]] = [
 ]
 
 
-def own(spec: models.Model, facets: dict[str, Any], material: str = "mirror") -> dict[str, Any]:
+def own(spec: Model, facets: dict[str, Any], material: str = "mirror") -> dict[str, Any]:
     """Return facets under the model's own names, of a material where the model takes one."""
     named = {name.replace("alpha", spec.roughness): value for name, value in facets.items()}
     return {**named, "material": material} if spec.has("material") else named

@@ -33,7 +33,7 @@ def table(setup, polar, azimuths, dtype, *, view=None, tolerance=1e-3):
     assert prepared is not None
     view = polar if view is None else view
     out = np.full((polar.size, view.size, azimuths.size, len(setup.channels)), np.nan, dtype)
-    prepared.fill(polar, view, azimuths, view is polar, out)
+    prepared.fill(polar, view, azimuths, view is polar, out[None])
     return out
 
 
@@ -110,7 +110,7 @@ def test_streamed_rows_of_any_alignment_equal_plain_ones(dtype, monkeypatch):
             buffer[:] = -1.0
             out = buffer[shift : shift + 9 * 9 * 7 * 3].reshape(9, 9, 7, 3)
             assert (streaming.stream_phase(out) < 0) == (limit > 0)
-            prepared.fill(polar, polar, azimuths, True, out)
+            prepared.fill(polar, polar, azimuths, True, out[None])
             tables.append(out.copy())
             assert (np.delete(buffer, np.s_[shift : shift + out.size]) == -1.0).all()
     assert all(np.array_equal(t, tables[0]) for t in tables)

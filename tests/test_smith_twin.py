@@ -13,7 +13,7 @@ from click.testing import CliRunner
 import brdftab
 from brdftab.cli import main
 from brdftab.errors import ParameterError
-from brdftab.fit import normal_equations
+from brdftab.fit import normal_equations, program
 from brdftab.fit.data import Dataset
 from brdftab.fit.losses import transform
 from brdftab.fit.parameters import parse
@@ -231,8 +231,8 @@ def test_sums_have_the_gradient_of_their_cost(gold):
     angles, values = gold
     data = dataset(angles, noisy(values) + 0.1)
     fitter = Fitter(parse("smith-multi+lambert", None, {}), data, Options())
-    made, fixed = normal_equations.problem(fitter.total, "log", False, 1e-2)
-    fixed = normal_equations.channel_fixed(fixed, 3), normal_equations.rules(made, 1e-2, fitter.angles)
+    made, fixed = program.problem(fitter.total, "log", False, 1e-2)
+    fixed = program.channel_fixed(fixed, 3), program.rules(made, 1e-2, fitter.angles)
     x = np.array([math.log(0.5), 0.8, 0.2, 0.6, 0.1, 0.4, 0.3])
 
     def sums(u):
@@ -291,8 +291,8 @@ def test_fit_of_a_conductor(gold):
 def test_metal_by_name_is_projected_after_all_bounces(gold):
     angles = [a[::7] for a in gold[0]]
     copper = {"material": "Cu", "spectral_samples": 3}
-    made, fixed = normal_equations.problem(parse("smith-multi", ["alpha"], copper), "log", False, 1e-2)
-    fixed = normal_equations.channel_fixed(fixed, 3), normal_equations.rules(made, 1e-2, angles)
+    made, fixed = program.problem(parse("smith-multi", ["alpha"], copper), "log", False, 1e-2)
+    fixed = program.channel_fixed(fixed, 3), program.rules(made, 1e-2, angles)
     d = normal_equations.directions(*angles, 0.0 * angles[0])
     found = np.asarray(normal_equations.predict(made, np.array([math.log(0.5)]), fixed, d)).T
     assert np.allclose(found, twins.evaluate(setup_of(0.5, **copper), *angles, 0.0, 1e-2), rtol=1e-12)

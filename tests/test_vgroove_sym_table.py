@@ -118,7 +118,7 @@ AZIMUTHS = (np.arange(200) + 0.5) * 0.9 * DEGREE
 
 def filled(setup, theta_i, theta_o, square, dtype=np.float64):
     out = np.full((theta_i.size, theta_o.size, AZIMUTHS.size, len(setup.channels)), np.nan, dtype)
-    prepare(setup, 1e-4).fill(theta_i, theta_o, AZIMUTHS, square, out)
+    prepare(setup, 1e-4).fill(theta_i, theta_o, AZIMUTHS, square, out[None])
     return out
 
 

@@ -114,7 +114,7 @@ def _drawn(setup: Setup, grid: Grid, family: str, samples: int, seed: int) -> Me
     fixed = replace(setup, values={**setup.values, "samples": samples, "seed": seed})
 
     def make() -> Kernel:
-        module = models.kernel(fixed.model.name)
+        module = models.estimator(fixed.model.name)
         return lambda: module.estimate_table(fixed, grid.axes, orders=0, tolerance=0.5, progress=None).values[0]
 
     return Method(
@@ -148,7 +148,7 @@ def estimators(setup: Setup, grid: Grid, samples: tuple[int, ...], family: str =
 
 def stand_ins(setup: Setup, grid: Grid, samples: tuple[int, ...]) -> Iterator[Method]:
     """Yield what the model's folder names as rougher, and the models that say that they approximate this one."""
-    for name, values in models.declared(setup.model.name, "METHODS", {}).items():
+    for name, values in setup.model.methods.items():
         for value in values:
             other = _other(setup, **{name: value})
             if other is None or other.parameters == setup.parameters:
@@ -160,7 +160,7 @@ def stand_ins(setup: Setup, grid: Grid, samples: tuple[int, ...]) -> Iterator[Me
                     name, f"{name} {value}", {name: value, "tolerance": CLOSE}, filled(other, grid, CLOSE, fast=True)
                 )
     for name in models.names():
-        without = models.declared(name, "APPROXIMATES", {}).get(setup.model.name)
+        without = models.spec(name).approximates.get(setup.model.name)
         if without is None:
             continue
         given = {n: v for n, v in setup.parameters.items() if n not in without}

@@ -124,7 +124,7 @@ def _supported(setup: Setup, grid: Grid, values: Array, kept: NDArray[np.bool_])
 
 def _sampled(setup: Setup, grid: Grid, seconds: float, kept: NDArray[np.bool_]) -> Reference:
     """Draw ever more samples."""
-    module = models.kernel(setup.model.name)
+    module = models.estimator(setup.model.name)
     samples, seed = SAMPLES, int(setup.values.get("seed") or 0) + SEED
 
     def drawn(count: int) -> Any:

@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from brdftab.models import Model, Param
+from brdftab.models.declaration import Model, Param
 
 
 @click.command(

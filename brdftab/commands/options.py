@@ -8,7 +8,8 @@ from typing import Any
 
 import click
 
-from brdftab.models import Param, names, spec
+from brdftab.models import names, spec
+from brdftab.models.declaration import Param
 
 
 class Numbers(click.ParamType):

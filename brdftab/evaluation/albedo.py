@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +14,7 @@ from brdftab.evaluation import delta
 from brdftab.evaluation.engine import Engine
 from brdftab.evaluation.points import check_tolerance
 from brdftab.models._shared.facets.half_vectors import CUTS, reflecting_half_vectors
+from brdftab.models.protocols import HasAlbedo, HasSmoothAlbedo, HasSplitAlbedo
 from brdftab.models.resolve import Setup, resolve
 from brdftab.quadrature import unit_gauss
 
@@ -102,7 +103,7 @@ def _points(engine: Engine, fixed: str, ends: Array, theta: Array, phi: Array, a
 def many(engine: Engine, theta: Array, nodes: int, fixed: str = "light") -> Array:
     """Return the directional albedos (N, C) of an isotropic setup at polar angles (N,), many of them at once."""
     module = _own(engine, fixed)
-    if engine.layers > 1 or hasattr(module, "albedo") or hasattr(module, "smooth_albedo"):
+    if engine.layers > 1 or isinstance(module, HasAlbedo | HasSmoothAlbedo):
         return np.array([directional(engine, float(t), 0.0, nodes, fixed)[0] for t in theta])
     found = delta.reflectance(engine.setup, theta)
     waiting: list[tuple[int, Array, Array, Array]] = []
@@ -127,12 +128,12 @@ def directional(engine: Engine, theta: float, phi: float = 0.0, nodes: int = NOD
     to half vectors. A delta is part of the first component. Of surfaces that transmit: `split`.
     """
     module = _own(engine, fixed)
-    if hasattr(module, "albedo"):
+    if isinstance(module, HasAlbedo):
         own = module.albedo(engine.setup, np.array([theta]), phi, engine.tolerance)
         if own is not None:
             return own
     other, around, weight = half_vector_nodes(engine.setup, theta, phi, nodes)
-    if engine.layers == 1 and hasattr(module, "smooth_albedo"):
+    if engine.layers == 1 and isinstance(module, HasSmoothAlbedo):
         smooth = module.smooth_albedo(engine.setup, theta, phi, engine.tolerance)
         if smooth is not None:
             pairs = (np.full_like(other, theta), other, around, np.full_like(other, phi))
@@ -149,7 +150,8 @@ def split(setup: Setup, theta: Array, phi: float, tolerance: float, fixed: str =
     For a fixed view the transmitted part is int f |cos(theta_i)| domega_i over the other side: with
     f(i, o)/n_o^2 = f(o, i)/n_i^2 that of a light there, times (n_o/n_i)^2.
     """
-    reflected, transmitted = models.kernel(setup.model.name).split_albedo(setup, theta, phi, tolerance)
+    module = cast(HasSplitAlbedo, models.kernel(setup.model.name))
+    reflected, transmitted = module.split_albedo(setup, theta, phi, tolerance)
     if fixed == "light":
         return reflected, transmitted
     assert setup.fresnel is not None

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab import models
+from brdftab.models.protocols import HasDelta
 from brdftab.models.resolve import Setup
 from brdftab.quadrature import unit_gauss
 from brdftab.tables.axis import TWO_PI
@@ -30,11 +31,10 @@ SOMEWHERE = 1.0
 
 def reflectance(setup: Setup, theta_i: Array) -> Array:
     """Return R (N, C) at polar angles (N,) of the light, radians; 0 where the model has no delta."""
-    own = getattr(models.kernel(setup.model.name), "mirror_reflectance", None)
-    if own is None:
+    module = models.kernel(setup.model.name)
+    if not isinstance(module, HasDelta):
         return np.zeros((theta_i.size, len(setup.channels)))
-    found: Array = own(setup, theta_i)
-    return found
+    return module.mirror_reflectance(setup, theta_i)
 
 
 def exists(setup: Setup) -> bool:

@@ -3,31 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brdftab import models
 from brdftab.evaluation.pace import Pace
+from brdftab.models.protocols import Evaluator, HasEvaluator, SolvesJointly
 from brdftab.models.resolve import Setup, component_names
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
-
-
-class Prepared(Protocol):
-    """What a model's ``prepare`` returns: fast evaluation of one isotropic setup at one tolerance."""
-
-    def points(self, theta_i: Array, theta_o: Array, phi: Array, phi_i: Array) -> Array:
-        """Return (N, 1, C) in 1/sr at N pairs of directions, radians."""
-
-    def fill(self, theta_i: Array, theta_o: Array, phi: Array, square: bool, out: NDArray[np.floating]) -> None:
-        """Fill out (I, O, P, C) on a product grid, half of it by reciprocity when both theta axes are identical.
-
-        Models whose kernel module says ``LAYERED`` prepare for components too: ``prepare`` takes `orders` and both
-        functions have the components' axis, `out` in front.
-        """
 
 
 class Engine:
@@ -53,15 +39,12 @@ class Engine:
         self.orders = orders
         self.layers = len(component_names(setup, orders)) if orders else 1
         self._module = models.kernel(setup.model.name)
-        prepare = getattr(self._module, "prepare", None)
-        self._prepared: Prepared | None = None
-        self._pace = Pace(steady=getattr(self._module, "JOINT", False))
+        self._prepared: Evaluator | None = None
+        self._pace = Pace(steady=isinstance(self._module, SolvesJointly) and self._module.JOINT)
         # pairs of directions evaluated one by one so far
         self.evaluated = 0
-        self._layered = bool(getattr(self._module, "LAYERED", False))
-        if fast and prepare is not None and setup.isotropic and (orders == 0 or self._layered):
-            more = (orders,) if self._layered else ()
-            self._prepared = prepare(setup, tolerance, trial, *more)
+        if fast and setup.isotropic and isinstance(self._module, HasEvaluator):
+            self._prepared = self._module.prepare(setup, tolerance, orders, trial)
 
     @property
     def is_fast(self) -> bool:
@@ -95,7 +78,7 @@ class Engine:
         """Fill out (P, I, O, K, C) on an isotropic product grid; identical theta axes are computed half."""
         square = self.setup.model.reciprocal and bool(np.array_equal(theta_i, theta_o))
         if self._prepared is not None:
-            self._prepared.fill(theta_i, theta_o, phi, square, out if self._layered else out[0])
+            self._prepared.fill(theta_i, theta_o, phi, square, out)
             return
         rows, columns, steps = theta_i.size, theta_o.size, phi.size
         first, second = np.tril_indices(rows) if square else np.divmod(np.arange(rows * columns), columns)

@@ -15,6 +15,7 @@ from brdftab.errors import ParameterError, SingularDirectionError
 from brdftab.evaluation import delta
 from brdftab.evaluation.points import singular
 from brdftab.models._shared.sampling.sampling import PDF_TOLERANCE
+from brdftab.models.protocols import DrawsDelta, DrawsWalks
 from brdftab.models.resolve import Setup, resolve
 from brdftab.tables.content import SeveralArrays, same_fields, told
 
@@ -129,7 +130,7 @@ def sample(model: str, theta_i: float, n: int, *, phi_i: float = 0.0, seed: int 
         _check_angles("theta_i", light, 0.0, np.nextafter(0.5 * np.pi, 0.0), "[0, pi/2)")
     lobe = models.sampler(model)
     rng = np.random.Generator(np.random.PCG64(int(seed)))
-    walks = getattr(lobe, "walk", None)
+    walks = lobe.walk if isinstance(lobe, DrawsWalks) else None
     if walks is not None:
         theta_o, phi_o, valid, weight = walks(setup, float(light), float(azimuth), int(n), rng)
         pairs = (np.full(int(n), light), theta_o, phi_o - float(azimuth), np.full(int(n), azimuth))
@@ -158,8 +159,8 @@ def sample(model: str, theta_i: float, n: int, *, phi_i: float = 0.0, seed: int 
 
 def _mass(setup: Setup, theta_i: Array) -> Array:
     """Return the probability (N,) with which light from polar angles (N,) is to take a delta's direction."""
-    own = getattr(models.sampler(setup.model.name), "mirror_mass", None)
-    return np.zeros(theta_i.size) if own is None else np.asarray(own(setup, theta_i))
+    module = models.sampler(setup.model.name)
+    return module.mirror_mass(setup, theta_i) if isinstance(module, DrawsDelta) else np.zeros(theta_i.size)
 
 
 def pdf(

@@ -14,6 +14,7 @@ from brdftab.directions import HORIZON
 from brdftab.errors import ParameterError, SingularDirectionError
 from brdftab.evaluation import delta
 from brdftab.evaluation.agreement import LOOSEST, least_errors, looser
+from brdftab.models.protocols import HasFinestRule, HasSingularSetup, Stochastic
 from brdftab.models.resolve import Setup, component_names, resolve
 from brdftab.timing import Clock
 
@@ -37,13 +38,13 @@ def check_tolerance(tolerance: float) -> float:
 def is_stochastic(setup: Setup) -> bool:
     """Tell whether a setup's values are estimates with a standard error."""
     module = models.kernel(setup.model.name)
-    return hasattr(module, "stochastic") and bool(module.stochastic(setup))
+    return isinstance(module, Stochastic) and module.stochastic(setup)
 
 
 def finest_tolerance(setup: Setup) -> float:
     """Return the tolerance of the finest rule of a setup's model: tighter ones are served by the same rule."""
-    finest = getattr(models.kernel(setup.model.name), "finest", None)
-    return 0.0 if finest is None else float(finest(setup))
+    module = models.kernel(setup.model.name)
+    return module.finest(setup) if isinstance(module, HasFinestRule) else 0.0
 
 
 def _directions(theta_i: ArrayLike, theta_o: ArrayLike, phi: ArrayLike, phi_i: ArrayLike) -> list[Array]:
@@ -70,8 +71,8 @@ def singular_setup(setup: Setup) -> Setup | None:
     """
     if not setup.model.singular or setup.max_bounces == 1:
         return None
-    other = getattr(models.kernel(setup.model.name), "singular_setup", None)
-    return setup if other is None else other(setup)
+    module = models.kernel(setup.model.name)
+    return module.singular_setup(setup) if isinstance(module, HasSingularSetup) else setup
 
 
 def has_mirror_averages(setup: Setup) -> bool:
@@ -225,7 +226,7 @@ def evaluate_point(
     unreached = False
     if is_stochastic(setup):
         angles = [np.array([a], dtype=np.float64) for a in at]
-        found = models.kernel(setup.model.name).estimates(setup, *angles, orders=orders, tolerance=asked)
+        found = models.estimator(setup.model.name).estimates(setup, *angles, orders=orders, tolerance=asked)
         elapsed = clock.seconds
         values = found.values[0]
         spread = float(found.standard_error.max())

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from brdftab.models import Model
+from brdftab.models.declaration import Model
 
 if TYPE_CHECKING:
     from brdftab.fit.parameters import Term

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from brdftab.errors import ParameterError, proposal
 from brdftab.fit.held import of_data, optics_of_data
-from brdftab.models import Model, spec, twin
+from brdftab.models import spec, twin
+from brdftab.models.declaration import Model
+from brdftab.models.protocols import NarrowsRoughness
 from brdftab.models.resolve import Setup, resolve
 
 Array = NDArray[np.float64]
@@ -243,7 +245,9 @@ def _variable(name: str, term: int, model: Model, param: str, ndf: str | None) -
     rough, optical = is_roughness(model, param), param in optics(model)
     if rough:
         module = twin(model.name)
-        least, most = module.roughness_bounds(ndf) if hasattr(module, "roughness_bounds") else (low, high)
+        least, most = low, high
+        if ndf is not None and isinstance(module, NarrowsRoughness):
+            least, most = module.roughness_bounds(ndf)
         low, high = max(low, least, ROUGHNESS_FLOOR), min(high, most)
     # one refractive index for all channels, everything else that can differ by channel does
     channels = declared.kind == "channels" and not (optical and param == "ior")

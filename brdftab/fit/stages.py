@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.errors import ParameterError
-from brdftab.fit import losses, normal_equations, solver
+from brdftab.fit import losses, normal_equations, program, solver
 from brdftab.fit.data import Dataset
 from brdftab.fit.parameters import Sum
 from brdftab.fit.starts import guess_albedo, spread
 from brdftab.models import twin
 from brdftab.models._shared.twin.frame import Directions, directions
+from brdftab.models.protocols import HasRuleNodes
 from brdftab.models.twins import integrates
 from brdftab.system import cache_folder
 from brdftab.timing import Clock
@@ -182,9 +183,7 @@ class Fitter:
         """Tell whether a model of the sum has nodes to choose."""
         return any(integrates(s.model.name) for s in self.total.terms)
 
-    def _solve(
-        self, made: normal_equations.Problem, starts: Array, count: int, scale: float, data: Any, used: int
-    ) -> Any:
+    def _solve(self, made: program.Problem, starts: Array, count: int, scale: float, data: Any, used: int) -> Any:
         """Run the compiled solver, whose compilation is timed apart."""
         # many starts only need to tell their minima apart
         if used == 1 and count > 1:
@@ -201,10 +200,10 @@ class Fitter:
     def _fit(self, rule: float, starts: Array | None) -> Outcome:
         """Run all stages with one rule."""
         options, clock = self.options, Clock()
-        made, fixed = normal_equations.problem(self.total, options.loss, self.robust, rule)
+        made, fixed = program.problem(self.total, options.loss, self.robust, rule)
         self.made, self.fixed = (
             made,
-            (normal_equations.channel_fixed(fixed, self.channels), normal_equations.rules(made, rule, self.angles)),
+            (program.channel_fixed(fixed, self.channels), program.rules(made, rule, self.angles)),
         )
         scale = 1e6 if self.robust else 1.0
         chunks = -(-self.few.theta_i.size // normal_equations.CHUNK)
@@ -267,7 +266,7 @@ class Fitter:
         made, fixed = self.made, self.fixed
         if rule is not None:
             made = replace(made, statics=tuple(replace(s, tolerance=_traced(s, rule)) for s in made.statics))
-            fixed = (fixed[0], normal_equations.rules(made, rule, self.angles))
+            fixed = (fixed[0], program.rules(made, rule, self.angles))
         d = directions(theta_i, theta_o, phi, np.zeros_like(theta_i))
         parts = []
         # many points are worth a program of their own
@@ -296,7 +295,7 @@ class Fitter:
 
 def _traced(static: Any, rule: float) -> float:
     """Return the tolerance that a term is compiled for: its nodes may be numbers instead."""
-    return static.tolerance if hasattr(twin(static.model), "rule_nodes") else rule
+    return static.tolerance if isinstance(twin(static.model), HasRuleNodes) else rule
 
 
 def _candidates(costs: Array, ends: Array) -> list[int]:
@@ -349,7 +348,7 @@ class _Shapes:
 
 @lru_cache(maxsize=64)
 def _compiled(
-    made: normal_equations.Problem,
+    made: program.Problem,
     method: str,
     steps: int,
     starts: tuple[int, ...],

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from brdftab.errors import ParameterError
 from brdftab.fit.parameters import Sum, Variable, is_roughness
-from brdftab.models import Model
+from brdftab.models.declaration import Model
 
 Array = NDArray[np.float64]
 # ranges that real surfaces fill; the bounds of the fit stay those of the declaration

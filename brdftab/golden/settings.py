@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 import zlib
 from typing import Any
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from brdftab import models
 from brdftab.errors import ParameterError
 from brdftab.evaluation.points import is_stochastic
-from brdftab.models import Model
+from brdftab.models.declaration import Model
 from brdftab.models.resolve import Setup, resolve
 
 Array = NDArray[np.float64]
@@ -32,12 +31,6 @@ CAP = 2
 # pairs of directions: anywhere, by facets of likely slopes, and by facets that tilt across a grain
 ANYWHERE, GLOSSY, ACROSS, BELOW = 8, 8, 4, 4
 GRAZING = math.radians(89.0)
-
-
-def own(model: str) -> dict[str, Any]:
-    """Return the cheap settings that a model's folder asks for: `GOLDEN` beside its `SPEC`, else none."""
-    module = importlib.import_module(f"{models.__name__}.{model.replace('-', '_')}")
-    return dict(getattr(module, "GOLDEN", {}))
 
 
 def _reflectances(spec: Model) -> dict[str, dict[str, Any]]:
@@ -96,7 +89,7 @@ def _label(shape: dict[str, Any], name: str) -> str:
 
 def _completed(model: str, given: dict[str, Any]) -> dict[str, Any] | None:
     """Return a setting with the model's cheap ones and, of estimators, few paths; None where the model refuses it."""
-    full = {**own(model), **given}
+    full = {**dict(models.spec(model).golden), **given}
     try:
         setup = resolve(model, **full)
         return {**full, "samples": PATHS, "seed": SEED} if is_stochastic(setup) else full

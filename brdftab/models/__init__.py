@@ -6,145 +6,14 @@ import functools
 import importlib
 import os
 import pkgutil
-from dataclasses import dataclass, field
 from types import ModuleType
-from typing import Any
+from typing import Any, cast
 
-from brdftab.errors import ParameterError, proposal
+from brdftab.errors import ParameterError
+from brdftab.models.declaration import Model
+from brdftab.models.protocols import Checks, Kernel, MitsubaModule, Sampler, Stochastic, Twin
 
 PIECES = "_shared"
-
-
-@dataclass(frozen=True)
-class Param:
-    """One parameter of a model, declared once and used by the API, the command line and the docs.
-
-    Attributes
-    ----------
-    name : str
-        Name in the API; the option is ``--name`` with dashes.
-    unit : str
-        ``""`` for pure numbers, ``"rad"`` for angles (degrees on the command line).
-    default : object
-        Value taken when the user gives none; ``None`` means not set.
-    bounds : tuple of float or None
-        Inclusive lower and upper bound of every entry.
-    doc : str
-        One line for ``--help`` and ``brdftab models``.
-    kind : {"float", "channels", "choice", "int", "text"}
-        ``channels`` takes one value or one a channel; ``choice`` takes one of `choices`; ``text`` is read by the
-        model's own ``validate_setup``.
-    choices : tuple of str
-        Allowed words of a ``choice``.
-    remark : str
-        What an error about this parameter adds: why a value is left out, or what to do instead.
-    role : {"", "albedo", "bounces", "optics", "paths", "roughness", "tilt"}
-        What it is to all that serves models without knowing them: the albedo of a matte body; a cap of the bounces;
-        what facets reflect; how an estimator draws its paths; the distribution of facets and its width; the deviation
-        of facets' tilt (radians). Without a role a name means nothing but the model's own.
-    """
-
-    name: str
-    unit: str
-    default: Any
-    bounds: tuple[float, float] | None
-    doc: str
-    kind: str = "float"
-    choices: tuple[str, ...] = ()
-    remark: str = ""
-    role: str = ""
-
-
-@dataclass(frozen=True)
-class Model:
-    """What a model says of itself.
-
-    Attributes
-    ----------
-    name, title, summary : str
-        Registry name, full name, one line.
-    params : tuple of Param
-        Its parameters.
-    components : tuple of str
-        Named components; ``("order",)`` means one a bounce order.
-    singular : bool
-        True where the density is infinite at the mirror direction, so that a cell there holds an average.
-    kinked : bool
-        True where the masking of a V-cavity sets in with an edge (with ``masking = smith`` it does not), so that tables
-        to be interpolated are looked at more closely.
-    multibounce : bool
-        True where ``max_bounces`` applies.
-    citation, doi : str
-        The paper.
-    variant, errata : str
-        Which formula was chosen and which misprints were mended, and why.
-    ndfs : tuple of str
-        Normal distributions that the model takes; empty for models without facets.
-    reciprocal : bool
-        False where swapping light and view changes the value, so that no half of a grid follows from the other.
-    transmits : bool
-        True where a dielectric (ior) sends light through the surface, so that directions below it count.
-    grain : bool
-        True where the surface has a direction of its own, azimuth 0, so that azimuths count one by one.
-    forms : tuple of str
-        Files of its own kind that ``tabulate --form`` writes, the first by default; empty for tables alone.
-    roughness : str
-        Name of the roughness parameter; its anisotropic pair ends in ``_x`` and ``_y``.
-    """
-
-    name: str
-    title: str
-    summary: str
-    params: tuple[Param, ...]
-    components: tuple[str, ...]
-    citation: str
-    doi: str
-    variant: str
-    errata: str = ""
-    singular: bool = False
-    kinked: bool = False
-    multibounce: bool = False
-    transmits: bool = False
-    reciprocal: bool = True
-    grain: bool = False
-    ndfs: tuple[str, ...] = field(default=())
-    forms: tuple[str, ...] = field(default=())
-    roughness: str = "alpha"
-
-    def __post_init__(self) -> None:
-        """Refuse names that a twin's numbers have: ``a`` and ``b`` of a reflectance, both roughnesses, nodes."""
-        taken = {"nodes", "prepared"}
-        taken |= {"a", "b"} if self.of_role("optics") else set()
-        taken |= {"alpha_x", "alpha_y"} if self.ndfs else set()
-        clash = [p.name for p in self.params if p.name in taken and not p.role]
-        if clash:
-            raise ValueError(f"{clash[0]} of model {self.name} is what twins call something else; choose another name")
-
-    def __repr__(self) -> str:
-        return f"Model({self.name}: {self.title}, {len(self.params)} parameters)"
-
-    def has(self, name: str) -> bool:
-        """Tell whether the model declares a parameter of that name."""
-        return any(p.name == name for p in self.params)
-
-    def shares(self, name: str) -> bool:
-        """Tell whether the model declares a parameter of that name with the meaning that all models give to it."""
-        return any(p.name == name and p.role for p in self.params)
-
-    def of_role(self, role: str) -> tuple[str, ...]:
-        """Return the names of the parameters of one role."""
-        return tuple(p.name for p in self.params if p.role == role)
-
-    def param(self, name: str) -> Param:
-        """Return the declaration of one parameter, or raise `ParameterError`."""
-        for p in self.params:
-            if p.name == name:
-                return p
-        known = [p.name for p in self.params]
-        near = proposal(name, known)
-        raise ParameterError(
-            f"{name} is not a parameter of {self.name}; {near}{'I' if near else 'i'}t takes {', '.join(known)}"
-        )
 
 
 def _folders() -> dict[str, str]:
@@ -195,27 +64,25 @@ def _part(name: str, part: str, called: str) -> ModuleType:
     return _module(name, f".{part}")
 
 
-def kernel(name: str) -> ModuleType:
-    """Import and return a model's Numba kernel module (it compiles on first use): ``points``, and what helps it.
-
-    Some have more: ``prepare`` (a fast path of tables), ``albedo``, ``smooth_albedo`` with ``specular_points``, and
-    ``split_albedo`` (albedos that the model integrates itself), ``singular_setup``, ``energy_left_out``, ``stochastic``
-    with ``estimates`` and ``estimate_table``, and ``mirror_reflectance`` (setup, theta_i (N,)): the share (N, C) of
-    light that is reflected into the mirror direction alone, a delta of the first component that no value holds; the
-    sampler then has ``mirror_mass``, the probability (N,) with which to draw that direction.
-    """
-    return _module(name, ".kernel")
+def kernel(name: str) -> Kernel:
+    """Import and return a model's Numba kernel module (it compiles on first use)."""
+    return cast(Kernel, _module(name, ".kernel"))
 
 
-def sampler(name: str) -> ModuleType:
-    """Import and return a model's sampling module: ``sample`` and ``pdf``.
+def estimator(name: str) -> Stochastic:
+    """Return the kernel module of a model some of whose setups are estimated by drawing paths."""
+    return cast(Stochastic, kernel(name))
+
+
+def sampler(name: str) -> Sampler:
+    """Import and return a model's sampling module.
 
     Raises
     ------
     ParameterError
         If there is no such model, or it has no sampler.
     """
-    return _part(name, "sample", "sampler")
+    return cast(Sampler, _part(name, "sample", "sampler"))
 
 
 def _has(folder: str, module: str) -> bool:
@@ -242,18 +109,9 @@ def has_twin(name: str) -> bool:
     return _has(_folders()[name], "twin")
 
 
-def declared(name: str, attribute: str, otherwise: Any) -> Any:
-    """Return what a model's folder says beside its `SPEC` under a name such as ``METHODS``, or `otherwise`.
-
-    ``METHODS`` maps a parameter to values that compute the same more roughly; ``APPROXIMATES`` maps a model that this
-    one stands for to those of its parameters that this one does without.
-    """
-    return getattr(_module(name, ""), attribute, otherwise)
-
-
-def mitsuba(name: str) -> ModuleType | None:
+def mitsuba(name: str) -> MitsubaModule | None:
     """Return a model's module on Mitsuba 3, whose ``plugin`` names what computes the same there; None without one."""
-    return _module(name, ".mitsuba") if _has(_folders()[name], "mitsuba") else None
+    return cast(MitsubaModule, _module(name, ".mitsuba")) if _has(_folders()[name], "mitsuba") else None
 
 
 def shader(name: str) -> str:
@@ -267,33 +125,19 @@ def shader(name: str) -> str:
     return str(_part(name, "glsl", "shader in GLSL").source())
 
 
-def twin(name: str) -> ModuleType:
-    """Import and return a model's JAX twin: ``shapes``, ``value`` and ``SHAPE_PARAMS``.
-
-    Some have more: ``rule_nodes`` (nodes of a tolerance as numbers), ``nodes`` (numbers that follow from the data's
-    angles), ``prepare`` (the costly part that no single point enters), ``check`` (refuses choices that have no twin),
-    ``roughness_bounds`` (of a fit, narrower than declared, by the word for the distribution).
+def twin(name: str) -> Twin:
+    """Import and return a model's JAX twin.
 
     Raises
     ------
     ParameterError
         If there is no such model, or it has no twin.
     """
-    return _part(name, "twin", "twin in JAX")
+    return cast(Twin, _part(name, "twin", "twin in JAX"))
 
 
-def checks(name: str) -> ModuleType | None:
-    """Import and return what a model's folder says to `brdftab check` of itself, or None where it is silent.
-
-    A module ``checks`` may have: ``TOLERANCE`` (at which the checks evaluate), ``CHEAP`` (settings that keep it
-    quick), ``SETTINGS`` (extremes that no bound tells), ``FURNACE`` (settings that must return all light),
-    ``SWITCHES`` (where it changes formula), ``SKIP`` and ``SKIP_FAST`` (why a property is not measured),
-    ``NO_SCAN`` (parameters along which jumps are not looked for), ``UNCAPPED`` (False where bounces end even if no cap
-    is given), ``CONE`` (the parameter that is the half width of a cone), ``RECIPROCITY`` (what swapped pairs may differ
-    by), ``TWIN_TOLERANCE`` (what the twin may differ by), ``UNRESOLVED`` (ranges of a conductor's numbers that a limit
-    of the tolerance names); and how much is enough where it is expensive, by "fast" and "full": ``THIN`` (every n-th
-    setting, bounds apart), ``DIRECTIONS`` (every n-th), ``SCANS``, ``VARIANTS``, ``BOX`` (how many), and for both
-    ``TWIN_DIRECTIONS``, ``SWITCH_DIRECTIONS`` (how many) and ``TWIN_THIN`` (every n-th setting of the twin).
+def checks(name: str) -> Checks:
+    """Return what a model's folder says to `brdftab check` of itself; the defaults where it is silent.
 
     Raises
     ------
@@ -302,5 +146,5 @@ def checks(name: str) -> ModuleType | None:
     """
     folders = _folders()
     if name in folders and not _has(folders[name], "checks"):
-        return None
-    return _module(name, ".checks")
+        return Checks()
+    return cast(Checks, _module(name, ".checks").CHECKS)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from brdftab.models import Param
+from brdftab.models.declaration import Param
 
 NDFS = ("beckmann", "ggx", "phong")
 

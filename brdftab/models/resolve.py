@@ -12,7 +12,8 @@ import numpy as np
 from brdftab.errors import ParameterError
 from brdftab.materials import fresnel as builders
 from brdftab.materials.fresnel import Fresnel
-from brdftab.models import Model, Param, spec, validated
+from brdftab.models import spec, validated
+from brdftab.models.declaration import Model, Param
 
 NDF_CODES = {"beckmann": 0, "ggx": 1, "phong": 2, "gaussian": 3}
 # of linear sRGB, IEC 61966-2-1

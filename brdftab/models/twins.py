@@ -14,6 +14,7 @@ from brdftab.errors import ParameterError, proposal
 from brdftab.models._shared.facets.rough import rough_class
 from brdftab.models._shared.twin.frame import Directions, directions
 from brdftab.models._shared.twin.static import WEIGHTS, Static
+from brdftab.models.protocols import HasDataNodes, HasPreparation, HasRuleNodes, RulesByRoughness
 from brdftab.models.resolve import Setup
 
 # how many of a and b each kind of reflectance has
@@ -66,7 +67,7 @@ def split(setup: Setup, tolerance: float = 1e-9, precision: str = "float64") -> 
         max_bounces=setup.max_bounces,
         tolerance=tolerance,
         precision=precision,
-        rough=rough_class(setup) if getattr(models.twin(setup.model.name), "ROUGH_RULES", False) else 1.0,
+        rough=rough_class(setup) if isinstance(models.twin(setup.model.name), RulesByRoughness) else 1.0,
     )
     return static, params
 
@@ -74,13 +75,13 @@ def split(setup: Setup, tolerance: float = 1e-9, precision: str = "float64") -> 
 def integrates(model: str) -> bool:
     """Tell whether a model's twin sums over nodes that follow from the tolerance."""
     module = models.twin(model)
-    return any(hasattr(module, name) for name in ("rule_nodes", "nodes")) or getattr(module, "ROUGH_RULES", False)
+    return isinstance(module, HasRuleNodes | HasDataNodes | RulesByRoughness)
 
 
 def numbers(static: Static, theta_i: Any, theta_o: Any, phi: Any) -> dict[str, Any]:
     """Return what a twin's ``nodes`` makes of the data's angles (N,), under that name; nothing for twins without."""
     module = models.twin(static.model)
-    return {"nodes": module.nodes(static, theta_i, theta_o, phi)} if hasattr(module, "nodes") else {}
+    return {"nodes": module.nodes(static, theta_i, theta_o, phi)} if isinstance(module, HasDataNodes) else {}
 
 
 def prepared(static: Static, p: dict[str, Any]) -> dict[str, Any]:
@@ -89,7 +90,7 @@ def prepared(static: Static, p: dict[str, Any]) -> dict[str, Any]:
     It is what does not depend on the single point and is costly: worth doing once a set of parameters.
     """
     module = models.twin(static.model)
-    return {"prepared": module.prepare(static, p)} if hasattr(module, "prepare") else {}
+    return {"prepared": module.prepare(static, p)} if isinstance(module, HasPreparation) else {}
 
 
 def channel_values(static: Static, params: dict[str, Any], d: Directions, given: dict[str, Any] | None = None) -> Any:

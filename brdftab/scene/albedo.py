@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from brdftab import models
 from brdftab.errors import ParameterError
 from brdftab.evaluation.engine import Engine
+from brdftab.models.protocols import HasAlbedo
 from brdftab.models.resolve import Setup
 from brdftab.scene.cubic import stencil
 from brdftab.scene.plan import Item, Plan, Planned
@@ -81,7 +82,7 @@ def _lights(material: Material) -> Array:
 
 def _engine(setup: Setup, tolerance: float) -> Engine | None:
     """Return what evaluates directions, unless the model integrates its albedos itself."""
-    own = setup.transmits or hasattr(models.kernel(setup.model.name), "albedo")
+    own = setup.transmits or isinstance(models.kernel(setup.model.name), HasAlbedo)
     return None if own else Engine(setup, tolerance)
 
 

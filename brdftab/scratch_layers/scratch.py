@@ -13,10 +13,10 @@ from brdftab.errors import ParameterError
 from brdftab.evaluation.importance_sampling import Samples
 from brdftab.materials.fresnel import Fresnel
 from brdftab.models.resolve import resolve
-from brdftab.models.scratch import BINS as BOUNDS
 from brdftab.models.scratch import blur, light
+from brdftab.models.scratch.bounds import BINS as BOUNDS
+from brdftab.models.scratch.cone_samples import density, draw
 from brdftab.models.scratch.profiles import Profile, measured, parse
-from brdftab.models.scratch.sample import density, draw
 from brdftab.models.scratch.shoot import ORDERS
 from brdftab.models.scratch.trace import BINS, CAP, Traced, distance, rays_for, trace
 from brdftab.tables.content import SeveralArrays, told

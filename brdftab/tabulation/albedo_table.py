@@ -21,6 +21,7 @@ from brdftab.evaluation.agreement import least_errors
 from brdftab.evaluation.albedo import check_fixed, finer_tolerance, many, nodes_for, split
 from brdftab.evaluation.engine import Engine, Progress
 from brdftab.evaluation.points import check_tolerance, is_stochastic
+from brdftab.models.protocols import HasAlbedo
 from brdftab.models.resolve import Setup, resolve
 from brdftab.system import machine
 from brdftab.tables.content import SeveralArrays, listed, same_fields, told
@@ -127,7 +128,7 @@ def albedos(setup: Setup, angles: Array, tolerance: float, engine: Engine | None
         both = [split(setup, t, 0.0, tolerance, fixed) for t in (angles, math.pi - angles)]
         return np.array([part for pair in both for part in pair])
     module = models.kernel(setup.model.name)
-    if hasattr(module, "albedo") and (fixed == "light" or setup.model.reciprocal):
+    if isinstance(module, HasAlbedo) and (fixed == "light" or setup.model.reciprocal):
         own = module.albedo(setup, angles, 0.0, tolerance)
         if own is not None:
             return np.asarray(own)[None]

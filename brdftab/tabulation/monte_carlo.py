@@ -86,7 +86,7 @@ class Drawn:
     def compute(self, progress: Progress | None) -> Spread:
         """Draw the paths and return how noisy the table is."""
         clock = Clock()
-        found = models.kernel(self.setup.model.name).estimate_table(
+        found = models.estimator(self.setup.model.name).estimate_table(
             self.setup, self.grid.axes, orders=self.orders, tolerance=self.tolerance, progress=progress
         )
         self.kernel_time = clock.seconds

@@ -13,6 +13,7 @@ from brdftab.evaluation import delta
 from brdftab.evaluation.albedo import directional
 from brdftab.evaluation.engine import Engine
 from brdftab.evaluation.points import spectral
+from brdftab.models.protocols import HasEnergyLeftOut, HasSmoothAlbedo
 from brdftab.models.resolve import Setup, resolve
 from brdftab.tables.grid import Grid
 from brdftab.tabulation.error_estimate import Estimate
@@ -46,7 +47,8 @@ def verdict(judged: Estimate | Spread, tolerance: float, dtype: DTypeLike) -> di
 
 def _albedo(engine: Engine) -> dict[str, Any]:
     """Return the directional albedo at four angles, a value a channel; five digits do."""
-    if engine.tolerance < ALBEDO_TOLERANCE and hasattr(models.kernel(engine.setup.model.name), "smooth_albedo"):
+    module = models.kernel(engine.setup.model.name)
+    if engine.tolerance < ALBEDO_TOLERANCE and isinstance(module, HasSmoothAlbedo):
         engine = Engine(engine.setup, ALBEDO_TOLERANCE)
     values = [directional(engine, math.radians(a)).sum(axis=0).tolist() for a in ALBEDO_ANGLES]
     return {"theta_i_degrees": list(ALBEDO_ANGLES), "values": values}
@@ -67,9 +69,9 @@ def _left_out(setup: Setup, tolerance: float) -> dict[str, Any] | None:
     if setup.max_bounces is None:
         return None
     angles = np.radians(ALBEDO_ANGLES)
-    own = getattr(models.kernel(setup.model.name), "energy_left_out", None)
-    if own is not None:
-        values = own(setup, angles)
+    module = models.kernel(setup.model.name)
+    if isinstance(module, HasEnergyLeftOut):
+        values = module.energy_left_out(setup, angles)
         return None if values is None else {"theta_i_degrees": list(ALBEDO_ANGLES), "values": values.tolist()}
     if not setup.model.shares("max_bounces"):
         return None

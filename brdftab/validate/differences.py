@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab import models
+from brdftab.models.protocols import HasRuleNodes, HasTwinNodes
 from brdftab.models.resolve import Setup
 from brdftab.validate.angles import Angles
 
@@ -18,14 +19,15 @@ LEVELS = 6
 
 def has_nodes(model: str) -> bool:
     """Tell whether a model's twin sums fixed nodes that follow from the tolerance."""
-    return hasattr(models.twin(model), "rule_nodes")
+    return isinstance(models.twin(model), HasRuleNodes)
 
 
 def kernel_values(setup: Setup, angles: Angles, tolerance: float) -> Array:
     """Return the compiled kernel's values (N, C); a model that integrates does so at the twin's nodes."""
-    if has_nodes(setup.model.name):
-        return models.kernel(setup.model.name).at_twin_nodes(setup, *angles, tolerance)
-    return models.kernel(setup.model.name).points(setup, *angles, orders=0, tolerance=tolerance)[:, 0]
+    module = models.kernel(setup.model.name)
+    if isinstance(module, HasTwinNodes):
+        return module.at_twin_nodes(setup, *angles, tolerance)
+    return module.points(setup, *angles, orders=0, tolerance=tolerance)[:, 0]
 
 
 def _is_roughness(setup: Setup, name: str) -> bool:

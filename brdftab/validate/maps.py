@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.errors import ParameterError
-from brdftab.models import Model, spec
+from brdftab.models import spec
+from brdftab.models.declaration import Model
 from brdftab.models.resolve import resolve
 from brdftab.plotting.figure import figure
 from brdftab.validate import condition

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,8 @@ from numpy.typing import NDArray
 
 from brdftab import models
 from brdftab.evaluation.points import is_stochastic
-from brdftab.models import Model
+from brdftab.models.declaration import Model
+from brdftab.models.protocols import Checks
 from brdftab.models.resolve import Setup
 from brdftab.validate.angles import Angles, both
 from brdftab.validate.finding import Finding
@@ -48,7 +48,7 @@ class Probe:
         """Return values and standard errors (N, C) at some directions; errors are 0 without noise."""
         chosen, module = setup or self.setup, models.kernel(self.model)
         if self.stochastic:
-            found = module.estimates(chosen, *angles, orders=0, tolerance=self.tolerance)
+            found = models.estimator(self.model).estimates(chosen, *angles, orders=0, tolerance=self.tolerance)
             return np.asarray(found.values)[:, 0], np.asarray(found.standard_error).reshape(angles[0].size, -1)
         values = module.points(chosen, *angles, orders=0, tolerance=self.tolerance)[:, 0]
         return values, np.zeros_like(values)
@@ -112,13 +112,13 @@ class Subject:
         return models.spec(self.model)
 
     @cached_property
-    def own(self) -> ModuleType | None:
-        """What the model's folder says of its own checks, if anything."""
+    def own(self) -> Checks:
+        """What the model's folder says of its own checks."""
         return models.checks(self.model)
 
-    def said(self, name: str, default: Any) -> Any:
-        """Return an attribute of the model's own checks, or the default."""
-        return getattr(self.own, name, default)
+    def count(self, given: Mapping[str, int], fast: int, full: int) -> int:
+        """Return what the model's checks give for this extent, or the default for fast or full checks."""
+        return given.get("fast" if self.fast else "full", fast if self.fast else full)
 
     def is_dear(self, setup: Setup) -> bool:
         """Tell whether one light has to do for albedos of a setup: in fast checks of what has two roughnesses."""
@@ -127,7 +127,7 @@ class Subject:
     @property
     def tolerance(self) -> float:
         """Relative error at which the model is evaluated."""
-        return float(self.said("TOLERANCE", TOLERANCE))
+        return TOLERANCE if self.own.tolerance is None else self.own.tolerance
 
     @cached_property
     def setups(self) -> list[Setup]:
@@ -141,7 +141,7 @@ class Subject:
         """The setups with their directions, kept so that several properties share the values."""
         if self.example is not None:
             return [Probe(*self.example, self.tolerance)]
-        thin = self.said("DIRECTIONS", {}).get("fast" if self.fast else "full", 2 if self.fast else 1)
+        thin = self.count(self.own.directions, 2, 1)
         found = []
         for setup in self.setups:
             seed = zlib.crc32(f"{self.model} {setup.parameters}".encode())

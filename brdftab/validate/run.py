@@ -19,9 +19,9 @@ Progress = Callable[[float], None]
 def _row(name: str, subject: Subject) -> Row:
     """Measure one property of one model."""
     module = properties.module(name)
-    reason = subject.said("SKIP", {}).get(name, "")
+    reason = subject.own.skip.get(name, "")
     if not reason and subject.fast:
-        reason = subject.said("SKIP_FAST", {}).get(name, "")
+        reason = subject.own.skip_fast.get(name, "")
     if not reason and hasattr(module, "reason"):
         reason = module.reason(subject)
     if reason:

@@ -10,8 +10,8 @@ from typing import Any
 from brdftab import models
 from brdftab.errors import BrdftabError, ParameterError
 from brdftab.evaluation.points import is_stochastic
-from brdftab.models import Param
 from brdftab.models.common_params import FRESNEL_PARAMS
+from brdftab.models.declaration import Param
 from brdftab.models.resolve import Setup, resolve
 
 Given = dict[str, Any]
@@ -122,7 +122,7 @@ def by_distribution(model: str) -> list[Given]:
 def thrifty(model: str, given: Given) -> Given:
     """Return the same parameters, cheaper: mirrors for facets without a reflectance, few paths, few rays."""
     spec, own = models.spec(model), models.checks(model)
-    given = {**{k: v for k, v in getattr(own, "CHEAP", {}).items() if k not in given}, **given}
+    given = {**{k: v for k, v in own.cheap.items() if k not in given}, **given}
     if spec.shares("material") and not SOURCES & set(given):
         given = {**given, "material": "mirror"}
     if is_stochastic(resolve(model, **given)):
@@ -140,7 +140,7 @@ def setups(model: str, *, fast: bool = False) -> list[Setup]:
     """
     own = models.checks(model)
     kept, named = everything(model)
-    step = getattr(own, "THIN", {}).get("fast" if fast else "full", 5 if fast else 1)
+    step = own.thin.get("fast" if fast else "full", 5 if fast else 1)
     return kept[:named] + kept[named::step]
 
 
@@ -149,8 +149,8 @@ def everything(model: str) -> tuple[list[Setup], int]:
     """Return all setups of `setups` in its order, and how many of them come before those that may be left out."""
     own = models.checks(model)
     # the default as it is: a metal with its wavelengths
-    found = [resolve(model, **getattr(own, "CHEAP", {}))]
-    always = [*getattr(own, "SETTINGS", ()), *spanning(model, ends)]
+    found = [resolve(model, **own.cheap)]
+    always = [*own.settings, *spanning(model, ends)]
     found += [_resolved(model, given) for given in always]
     named = len({repr(s.parameters) for s in found})
     found += [_resolved(model, given) for given in [*by_distribution(model), *spanning(model, extremes)]]

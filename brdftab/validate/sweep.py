@@ -12,7 +12,9 @@ import numpy as np
 
 from brdftab import models
 from brdftab.errors import ParameterError
-from brdftab.models import Model, Param, twins
+from brdftab.models import twins
+from brdftab.models.declaration import Model, Param
+from brdftab.models.protocols import RefusesChoices
 from brdftab.models.resolve import Setup, resolve
 
 METAL = "Cu"
@@ -133,11 +135,12 @@ def drawn(variant: Variant, rng: np.random.Generator, fixed: dict[str, int]) -> 
 
 def attempt(variant: Variant, rng: np.random.Generator, fixed: dict[str, int]) -> Setup | None:
     """Return a setup, or None where 10 draws are all refused, by the model or its twin: a choice may leave a part."""
-    check = getattr(models.twin(variant.model), "check", lambda static: None)
+    module = models.twin(variant.model)
     for _ in range(10):
         try:
             setup = drawn(variant, rng, fixed)
-            check(twins.split(setup)[0])
+            if isinstance(module, RefusesChoices):
+                module.check(twins.split(setup)[0])
         except ParameterError:
             continue
         return setup

@@ -1,7 +1,7 @@
 """Ashikhmin and Shirley's anisotropic Phong highlight over a matte base."""
 
-from brdftab.models import Model, Param
 from brdftab.models.common_params import FRESNEL_PARAMS
+from brdftab.models.declaration import Model, Param
 
 SPEC = Model(
     name="ashikhmin-shirley",

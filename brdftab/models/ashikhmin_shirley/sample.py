@@ -9,18 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.models._shared.sampling.sampling import Array, angles, cosine_hemisphere, cosine_pdf, reflect, unit
-from brdftab.models.ashikhmin_shirley.kernel import densities, normal_reflectance
+from brdftab.models.ashikhmin_shirley.lobe import densities, normal_reflectance
 from brdftab.models.resolve import Setup
 
 # the highlight rises at grazing whatever F(1) is: it keeps a tenth
-MOST = 0.9
+_MOST = 0.9
 
 
 def _share(setup: Setup) -> float:
     """Return the share of samples for the base."""
     highlight = normal_reflectance(setup)
     matte = float(np.mean(np.maximum(setup.values["kd"] * (1.0 - highlight), 0.0)))
-    return min(matte / (matte + float(np.mean(highlight))), MOST) if matte > 0.0 else 0.0
+    return min(matte / (matte + float(np.mean(highlight))), _MOST) if matte > 0.0 else 0.0
 
 
 def _half_vectors(setup: Setup, n: int, rng: np.random.Generator) -> Array:

@@ -1,7 +1,7 @@
 """Single-bounce microfacets in symmetric V-cavities."""
 
-from brdftab.models import Model
 from brdftab.models.common_params import FRESNEL_PARAMS, NDF_PARAMS, NDFS
+from brdftab.models.declaration import Model
 
 SPEC = Model(
     name="cook-torrance",

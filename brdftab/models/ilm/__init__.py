@@ -1,6 +1,6 @@
 """Interfaced Lambertian microfacets: every facet is a matte body below a smooth dielectric interface."""
 
-from brdftab.models import Model, Param
+from brdftab.models.declaration import Model, Param
 
 SPEC = Model(
     name="ilm",

@@ -17,7 +17,6 @@ from brdftab.models.resolve import Setup
 __all__ = [
     "at_twin_nodes",
     "energy_left_out",
-    "errors",
     "mirror_reflectance",
     "points",
     "prepare",
@@ -39,16 +38,6 @@ def specular_points(
     if setup.max_bounces == 1 or setup.isotropic:
         return single
     return single + points_interreflection(setup, *angles, tolerance)[1]
-
-
-def errors(
-    setup: Setup, theta_i: np.ndarray, theta_o: np.ndarray, phi: np.ndarray, phi_i: np.ndarray, tolerance: float
-) -> np.ndarray:
-    """Return the estimated relative error (N, C) of the body that `points` gives at a tolerance, rounding left out.
-
-    A rule's measured bound, or what two successive levels differ by (choice.py); 0 for flat surfaces.
-    """
-    return parts(setup, (theta_i, theta_o, phi, phi_i), tolerance)[2]
 
 
 def points(

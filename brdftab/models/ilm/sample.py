@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from brdftab.models._shared.sampling.interfaced_sampling import mirror_mass, pdf, sample, specular_share
+from brdftab.models._shared.sampling.interfaced_sampling import mirror_mass, pdf, sample
 
-__all__ = ["mirror_mass", "pdf", "sample", "specular_share"]
+__all__ = ["mirror_mass", "pdf", "sample"]

@@ -8,7 +8,7 @@ from brdftab.errors import ParameterError
 from brdftab.models._shared.facets.flat import resolvable
 from brdftab.models.resolve import Setup
 
-CAPS = {"1": 1, "2": 2, "inf": None}
+_CAPS = {"1": 1, "2": 2, "inf": None}
 
 
 def validate_setup(setup: Setup) -> Setup:
@@ -33,4 +33,4 @@ def validate_setup(setup: Setup) -> Setup:
         raise ParameterError(
             f"bounces = {bounces} follows light in V-cavities and needs ndf = beckmann or ggx, not gaussian"
         )
-    return resolvable(replace(setup, max_bounces=CAPS[bounces]))
+    return resolvable(replace(setup, max_bounces=_CAPS[bounces]))

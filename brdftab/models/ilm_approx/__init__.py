@@ -1,6 +1,6 @@
 """Interfaced Lambertian microfacets with a closed form in place of the body integral."""
 
-from brdftab.models import Model, Param
+from brdftab.models.declaration import Model, Param
 
 SPEC = Model(
     name="ilm-approx",
@@ -60,6 +60,5 @@ SPEC = Model(
         "Mirror directions at 85 degrees are off by a factor of up to 3.4. A "
         "tolerance does not lessen this error, and no estimate counts it."
     ),
+    approximates={"ilm": ("masking", "bounces")},
 )
-
-APPROXIMATES = {"ilm": ("masking", "bounces")}

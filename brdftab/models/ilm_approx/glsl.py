@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from brdftab.models.ilm_approx.coefficients import FACET, LAMBERTIAN, REFLECTANCE
 
-HEADER = """\
+_HEADER = """\
 // Interfaced Lambertian microfacets (Meneveaux et al. 2018), Beckmann facets in V-cavities, single bounces.
 // Written by "brdftab models ilm-approx --glsl"; the body integral is a fitted closed form of brdftab's own.
 //
@@ -14,7 +14,7 @@ HEADER = """\
 // Neither includes the cosine of the rendering equation.
 """
 
-TEMPLATE = """
+_TEMPLATE = """
 float ilm_root(float h, float square) {
     float r = sqrt(square + h * h);
     return h > 0.0 ? r + h : square / (r - h);
@@ -86,7 +86,7 @@ float ilm_specular(float n, float sigma, float cos_i, float cos_o, float cos_phi
 """
 
 
-def number(value: float) -> str:
+def _number(value: float) -> str:
     """Return a GLSL literal of a coefficient, in parentheses if negative."""
     text = repr(float(value))
     return f"({text})" if value < 0.0 else text
@@ -94,11 +94,11 @@ def number(value: float) -> str:
 
 def source() -> str:
     """Return the GLSL text: ``ilm_approx`` and ``ilm_specular`` with all that they call, for any GLSL version."""
-    series = number(REFLECTANCE[-1])
+    series = _number(REFLECTANCE[-1])
     for c in REFLECTANCE[-2::-1]:
-        series = f"{number(c)} + y * ({series})"
-    text = TEMPLATE.replace("@series@", series)
+        series = f"{_number(c)} + y * ({series})"
+    text = _TEMPLATE.replace("@series@", series)
     for letter, values in (("L", LAMBERTIAN), ("F", FACET)):
         for k, value in enumerate(values):
-            text = text.replace(f"@{letter}{k}@", number(value))
-    return HEADER + text
+            text = text.replace(f"@{letter}{k}@", _number(value))
+    return _HEADER + text

@@ -1,7 +1,7 @@
 """Smith single bounce plus Kulla and Conty's lobe for the energy that it misses."""
 
-from brdftab.models import Model
 from brdftab.models.common_params import FRESNEL_PARAMS, NDF_NO_PHONG, SMITH_MASKING
+from brdftab.models.declaration import Model
 
 SPEC = Model(
     name="kulla-conty",
@@ -22,7 +22,6 @@ SPEC = Model(
         "The course's F_ms has F_avg to the first power; light of two bounces and more has met two facets at least, "
         "hence the square."
     ),
+    # the solver's settings have no meaning here
+    approximates={"smith-multi": ("estimator", "samples", "seed", "roulette")},
 )
-
-# the solver's settings have no meaning here
-APPROXIMATES = {"smith-multi": ("estimator", "samples", "seed", "roulette")}

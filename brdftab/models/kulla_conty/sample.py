@@ -7,16 +7,16 @@ from numpy.typing import NDArray
 
 from brdftab.models._shared.sampling import facet_samples
 from brdftab.models._shared.sampling.sampling import Array, cosine_hemisphere, cosine_pdf
-from brdftab.models.kulla_conty.kernel import lacking
+from brdftab.models.kulla_conty.compensation import lacking
 from brdftab.models.resolve import Setup
 
 # both lobes keep at least this share, so that no weight runs away
-LEAST = 0.02
+_LEAST = 0.02
 
 
 def _share(setup: Setup, theta_i: Array) -> Array:
     """Return the share (N,) of samples from the cosine lobe."""
-    return np.clip(lacking(setup, theta_i), LEAST, 1.0 - LEAST)
+    return np.clip(lacking(setup, theta_i), _LEAST, 1.0 - _LEAST)
 
 
 def sample(

@@ -1,6 +1,6 @@
 """Perfectly diffuse reflection."""
 
-from brdftab.models import Model, Param
+from brdftab.models.declaration import Model, Param
 
 SPEC = Model(
     name="lambert",

@@ -1,3 +1,7 @@
 """What `brdftab check` should know of this model."""
 
-FURNACE = ({"kd": 1.0},)
+from brdftab.models.protocols import Checks
+
+CHECKS = Checks(
+    furnace=({"kd": 1.0},),
+)

@@ -2,7 +2,7 @@
 
 import math
 
-from brdftab.models import Model, Param
+from brdftab.models.declaration import Model, Param
 
 SPEC = Model(
     name="oren-nayar",
@@ -38,7 +38,6 @@ SPEC = Model(
         "The fit's direct part falls below zero at grazing mirror directions for large sigma; it is clamped at zero. "
         "The qualitative form's 0.33 is kept (a later remark by the authors suggests 0.57 to imitate interreflection)."
     ),
+    # the paper's short form of its own model
+    methods={"variant": ("qualitative",)},
 )
-
-# the paper's short form of its own model
-METHODS = {"variant": ("qualitative",)}

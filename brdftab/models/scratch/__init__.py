@@ -2,13 +2,9 @@
 
 import math
 
-from brdftab.models import Model, Param
 from brdftab.models.common_params import FRESNEL_PARAMS
-
-PROFILES = "quartic:DEPTH, v:HALF_ANGLE, u:DEPTH[:EXPONENT], ellipse:DEPTH, flat or file:PATH"
-BINS = (8, 512)
-# golden tables: few rays are the same code, and a wide cone is seen from everywhere
-GOLDEN = {"bins": 32, "rays": 256, "psi": math.radians(20.0)}
+from brdftab.models.declaration import Model, Param
+from brdftab.models.scratch.bounds import BINS, PROFILES
 
 SPEC = Model(
     name="scratch",
@@ -69,7 +65,8 @@ SPEC = Model(
         "1/cos(t_o) in its bounds. The exponent gamma of Eq. 2 has no value where exact Fresnel dips below normal "
         "incidence, so that it is an export only."
     ),
+    # rays a bin, and the Fresnel term at a bounce; the finest trace and the exact term are what these stand for
+    methods={"rays": (16, 32, 64, 128, 256, 512, 1024), "fresnel": ("schlick", "lazanyi")},
+    # golden tables: few rays are the same code, and a wide cone is seen from everywhere
+    golden={"bins": 32, "rays": 256, "psi": math.radians(20.0)},
 )
-
-# rays a bin, and the Fresnel term at a bounce; the finest trace and the exact term are what these stand for
-METHODS = {"rays": (16, 32, 64, 128, 256, 512, 1024), "fresnel": ("schlick", "lazanyi")}

@@ -7,13 +7,7 @@ import numpy as np
 from brdftab.models.resolve import Setup
 from brdftab.models.scratch import blur
 from brdftab.models.scratch.shoot import ORDERS
-from brdftab.models.scratch.trace import CAP, Traced, rays_for, traced
-
-
-def surface(setup: Setup, tolerance: float) -> Traced:
-    """Return the traced scratch of a setup; it is kept for the next call."""
-    rays = setup.values["rays"] or rays_for(tolerance)
-    return traced(setup.values["profile"], int(setup.values["bins"]), int(rays), setup.max_bounces or CAP)
+from brdftab.models.scratch.surface import surface
 
 
 def points(

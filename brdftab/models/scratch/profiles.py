@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.errors import FileFormatError, ParameterError, proposal
-from brdftab.models.scratch import PROFILES
+from brdftab.models.scratch.bounds import PROFILES
 
 Array = NDArray[np.float64]
 # parabolas of an analytic profile: slopes good to 1e-5 of their range

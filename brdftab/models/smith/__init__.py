@@ -1,7 +1,7 @@
 """Single-bounce microfacets with Smith masking."""
 
-from brdftab.models import Model, Param
 from brdftab.models.common_params import FRESNEL_PARAMS, NDF_PARAMS, NDFS
+from brdftab.models.declaration import Model, Param
 
 SPEC = Model(
     name="smith",

@@ -24,6 +24,6 @@ def points(
     return evaluate_points(setup, MASKINGS[setup.values["masking"]], theta_i, theta_o, phi, phi_i)
 
 
-def prepare(setup: Setup, tolerance: float, trial: bool = False) -> SingleBounceTable | None:
+def prepare(setup: Setup, tolerance: float, orders: int = 0, trial: bool = False) -> SingleBounceTable | None:
     """Return the fast product-grid table of an isotropic setup, or None where only `points` holds the tolerance."""
-    return build(setup, MASKINGS[setup.values["masking"]], tolerance)
+    return None if orders else build(setup, MASKINGS[setup.values["masking"]], tolerance)

@@ -10,17 +10,17 @@ from brdftab.materials.fresnel import CONDUCTOR, MIRROR
 from brdftab.models.resolve import Setup
 
 # Mitsuba takes Walter's rational fit of Beckmann's G1
-MASKINGS = {"ggx": "separable", "beckmann": "smith-walter"}
+_MASKINGS = {"ggx": "separable", "beckmann": "smith-walter"}
 
 
 def plugin(setup: Setup) -> dict[str, Any] | str:
     """Return the plugin's dictionary, or why there is none."""
     ndf, fresnel = str(setup.parameters["ndf"]), setup.fresnel
     assert fresnel is not None
-    if ndf not in MASKINGS:
+    if ndf not in _MASKINGS:
         return f"roughconductor has no ndf = {ndf}"
-    if setup.values["masking"] != MASKINGS[ndf]:
-        return f"roughconductor computes masking = {MASKINGS[ndf]} for ndf = {ndf}"
+    if setup.values["masking"] != _MASKINGS[ndf]:
+        return f"roughconductor computes masking = {_MASKINGS[ndf]} for ndf = {ndf}"
     if fresnel.kind == MIRROR:
         colour: dict[str, Any] = {"material": "none"}
     elif fresnel.kind == CONDUCTOR and np.array_equal(fresnel.weights, np.eye(3)):

@@ -1,7 +1,7 @@
 """Smith microfacets with all bounces: noise-free solver, path tracing estimators, dielectrics with transmission."""
 
-from brdftab.models import Model, Param
 from brdftab.models.common_params import BOUNDARY_PARAMS, MAX_BOUNCES, NDF_NO_PHONG, SAMPLING_PARAMS
+from brdftab.models.declaration import Model, Param
 
 SPEC = Model(
     name="smith-multi",

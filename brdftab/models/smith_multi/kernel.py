@@ -12,11 +12,10 @@ import numpy as np
 
 from brdftab.models.resolve import Setup
 
-LAYERED = True
 # directions are solved together, and how many there are turns the last bits: blocks have one size, whatever the time
 JOINT = True
 # standard error of albedos by walks
-NOISE = 1e-3
+_NOISE = 1e-3
 
 
 def _backend(setup: Setup) -> Any:
@@ -39,9 +38,9 @@ def points(
     return _backend(setup).points(setup, theta_i, theta_o, phi, phi_i, orders=orders, tolerance=tolerance)
 
 
-def prepare(setup: Setup, tolerance: float, trial: bool = False, orders: int = 0) -> Any:
+def prepare(setup: Setup, tolerance: float, orders: int = 0, trial: bool = False) -> Any:
     """Return the solver's product-grid tables, or None for the estimators."""
-    return None if stochastic(setup) else _backend(setup).prepare(setup, tolerance, trial, orders)
+    return None if stochastic(setup) else _backend(setup).prepare(setup, tolerance, orders, trial)
 
 
 def albedo(setup: Setup, theta_i: np.ndarray, phi_i: float, tolerance: float) -> np.ndarray:
@@ -50,14 +49,14 @@ def albedo(setup: Setup, theta_i: np.ndarray, phi_i: float, tolerance: float) ->
     Estimators draw walks, to a standard error of `tolerance` or 1e-3.
     """
     if stochastic(setup):
-        return _backend(setup).albedo(setup, theta_i, phi_i, max(tolerance, NOISE))
+        return _backend(setup).albedo(setup, theta_i, phi_i, max(tolerance, _NOISE))
     return _backend(setup).albedo(setup, theta_i, tolerance)
 
 
 def split_albedo(setup: Setup, theta_i: np.ndarray, phi_i: float, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
     """Return what a dielectric reflects and what it transmits, (N, C) each; light from either side, as `albedo`."""
     if stochastic(setup):
-        return _backend(setup).split_albedo(setup, theta_i, phi_i, max(tolerance, NOISE))
+        return _backend(setup).split_albedo(setup, theta_i, phi_i, max(tolerance, _NOISE))
     return _backend(setup).split_albedo(setup, theta_i, tolerance)
 
 

@@ -11,8 +11,7 @@ from brdftab.materials.fresnel import CONDUCTOR
 from brdftab.models._shared.facets.ndf import BECKMANN
 from brdftab.models.resolve import Setup
 from brdftab.models.smith_multi.volterra.poles import followed
-
-SOLVER_ALPHA = (0.01, 2.0)
+from brdftab.models.smith_multi.volterra.settings import SOLVER_ALPHA
 
 
 def _solvable(setup: Setup) -> bool:

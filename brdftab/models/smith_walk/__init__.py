@@ -1,7 +1,7 @@
 """Random walks on Smith microfacets, with heights."""
 
-from brdftab.models import Model
 from brdftab.models.common_params import BOUNDARY_PARAMS, MAX_BOUNCES, NDF_NO_PHONG, SAMPLING_PARAMS
+from brdftab.models.declaration import Model
 
 SPEC = Model(
     name="smith-walk",
@@ -21,8 +21,7 @@ SPEC = Model(
         "Walks carry a height, so that masking and shadowing are correlated and its orders differ from those of "
         "smith-multi by design; both conserve energy. Next event estimation at every vertex."
     ),
+    methods={"roulette": ("on",)},
+    # the same surface, with heights: another masking, so that more samples do not close the gap
+    approximates={"smith-multi": ("estimator", "samples", "seed", "roulette")},
 )
-
-# the same surface, with heights: another masking, so that more samples do not close the gap
-APPROXIMATES = {"smith-multi": ("estimator", "samples", "seed", "roulette")}
-METHODS = {"roulette": ("on",)}

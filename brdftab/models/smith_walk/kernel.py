@@ -20,7 +20,7 @@ from brdftab.models.resolve import Setup
 
 Array = NDArray[np.float64]
 # standard error of albedos by walks
-NOISE = 1e-3
+_NOISE = 1e-3
 
 
 def _roads(setup: Setup, tolerance: float) -> list[Road]:
@@ -67,10 +67,10 @@ def albedo(setup: Setup, theta_i: Array, phi_i: float, tolerance: float) -> Arra
 
     Walks are drawn until the standard error is `tolerance` or 1e-3.
     """
-    return np.array([mean_exit(setup, float(theta), phi_i, True, max(tolerance, NOISE)) for theta in theta_i])
+    return np.array([mean_exit(setup, float(theta), phi_i, True, max(tolerance, _NOISE)) for theta in theta_i])
 
 
 def split_albedo(setup: Setup, theta_i: Array, phi_i: float, tolerance: float) -> tuple[Array, Array]:
     """Return what a dielectric reflects and what it transmits, (N, C) each; light from either side, as `albedo`."""
-    both = np.array([split_exit(setup, float(theta), phi_i, True, max(tolerance, NOISE)) for theta in theta_i])
+    both = np.array([split_exit(setup, float(theta), phi_i, True, max(tolerance, _NOISE)) for theta in theta_i])
     return both[:, 0], both[:, 1]

@@ -1,7 +1,7 @@
 """Smith single bounce, scaled up by the energy that it misses (Turquin)."""
 
-from brdftab.models import Model
 from brdftab.models.common_params import FRESNEL_PARAMS, NDF_NO_PHONG, SMITH_MASKING
+from brdftab.models.declaration import Model
 
 SPEC = Model(
     name="turquin",
@@ -17,7 +17,6 @@ SPEC = Model(
         "f = f_1 (1 + F0 (1 - E(o))/E(o)) with E the albedo of f_1 for F = 1 at the view by our own quadrature, F0 a "
         "wavelength each. Swapping light and view changes the value."
     ),
+    # the solver's settings have no meaning here
+    approximates={"smith-multi": ("estimator", "samples", "seed", "roulette")},
 )
-
-# the solver's settings have no meaning here
-APPROXIMATES = {"smith-multi": ("estimator", "samples", "seed", "roulette")}

@@ -1,7 +1,7 @@
 """Nonsymmetric V-grooves (independent facets) with all orders of specular interreflection."""
 
-from brdftab.models import Model
 from brdftab.models.common_params import FRESNEL_PARAMS, MAX_BOUNCES, NDF_PARAMS, NDFS
+from brdftab.models.declaration import Model
 
 SPEC = Model(
     name="vgroove-nonsym",

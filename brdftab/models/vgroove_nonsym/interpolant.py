@@ -293,8 +293,8 @@ class Interpolant:
         return out[:, None, :]
 
     def fill(self, theta_i: np.ndarray, theta_o: np.ndarray, phi: np.ndarray, square: bool, out: np.ndarray) -> None:
-        """Fill out (I, O, P, C) on a product grid; a square one is computed half and mirrored."""
-        _fill(theta_i, theta_o, np.cos(0.5 * phi), np.sin(phi), square, *self._arguments, out)
+        """Fill out (1, I, O, F, C) on a product grid; a square one is computed half and mirrored."""
+        _fill(theta_i, theta_o, np.cos(0.5 * phi), np.sin(phi), square, *self._arguments, out[0])
 
 
 def build(setup: Setup, tolerance: float, trial: bool = False) -> Interpolant | None:

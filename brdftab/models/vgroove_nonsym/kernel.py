@@ -11,6 +11,6 @@ from brdftab.models.vgroove_nonsym.interpolant import build
 __all__ = ["points", "prepare"]
 
 
-def prepare(setup: Setup, tolerance: float, trial: bool = False) -> Any:
+def prepare(setup: Setup, tolerance: float, orders: int = 0, trial: bool = False) -> Any:
     """Return the interpolant that serves isotropic tables at loose tolerance, or None (then evaluate directly)."""
-    return build(setup, tolerance, trial)
+    return None if orders else build(setup, tolerance, trial)

@@ -15,6 +15,8 @@ RULES = (
     (1e-7, (128, 10, 12, True)),
     (0.0, (256, 12, 14, True)),
 )
+# opposite facets of Phong's distribution have no mean from this alpha on
+MOST_PHONG = math.sqrt(2.0)
 # far orders weigh more on rough facets: the power of alpha by which they grow, and the class from which on nodes are
 # those of a tenth of the tolerance
 MORE, ROUGH = 0.8, 2.0

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 from brdftab.errors import ParameterError
 from brdftab.models._shared.facets.ndf import PHONG
 from brdftab.models.resolve import Setup
-
-# of Phong's distribution, in alpha
-MOST_PHONG = math.sqrt(2.0)
+from brdftab.models.vgroove_nonsym.rules import MOST_PHONG
 
 
 def validate_setup(setup: Setup) -> Setup:

@@ -289,15 +289,15 @@ class Prepared:
         return out[:, None, :]
 
     def fill(self, theta_i: np.ndarray, theta_o: np.ndarray, phi: np.ndarray, square: bool, out: np.ndarray) -> None:
-        """Fill out (I, O, P, C), float32 or float64, on a product grid of radians, in 1/sr.
+        """Fill out (1, I, O, F, C), float32 or float64, on a product grid of radians, in 1/sr.
 
         A square grid (both theta axes the same) is computed half and mirrored: reciprocal bit for bit.
         """
         theta_i, theta_o = np.ascontiguousarray(theta_i), np.ascontiguousarray(theta_o)
-        _fill(theta_i, theta_o, np.cos(0.5 * phi), np.sin(phi), square, *self._arguments, out)
+        _fill(theta_i, theta_o, np.cos(0.5 * phi), np.sin(phi), square, *self._arguments, out[0])
 
 
-def prepare(setup: Setup, tolerance: float, trial: bool = False) -> Prepared | None:
+def prepare(setup: Setup, tolerance: float, orders: int = 0, trial: bool = False) -> Prepared | None:
     """Return the fast evaluation of an isotropic setup, or None where it cannot hold the tolerance.
 
     Parameters
@@ -306,12 +306,14 @@ def prepare(setup: Setup, tolerance: float, trial: bool = False) -> Prepared | N
         From `brdftab.models.resolve.resolve`.
     tolerance : float
         Relative error asked, against the largest channel of a cell.
+    orders : int
+        0; components take points.
     trial : bool
         Prepared only to compile the kernels; nothing is cheaper for it here.
     """
     assert setup.fresnel is not None
     # beyond alpha = 1 Phong's exponent is negative and the orders hardly fall off
-    if not setup.isotropic or tolerance < REACH or (setup.ndf == 2 and setup.alpha_x > 1.0):
+    if orders or not setup.isotropic or tolerance < REACH or (setup.ndf == 2 and setup.alpha_x > 1.0):
         return None
     optics = _optics(setup.fresnel, tolerance)
     return None if optics is None else Prepared(setup, tolerance, optics)

@@ -35,7 +35,7 @@ def findings(subject: Subject) -> Iterator[Finding]:
             continue
         before = np.zeros(())
         # some trace to a bounce of their own where none is given
-        for cap in CAPS if subject.said("UNCAPPED", True) else [c for c in CAPS if c is not None]:
+        for cap in CAPS if subject.own.uncapped else [c for c in CAPS if c is not None]:
             try:
                 setup = capped(probe.setup, cap)
             except ParameterError:

@@ -113,7 +113,7 @@ def _finding(subject: Subject, probe: Probe, name: str, jump: Jump, at: list[Arr
         given[name] = jump.above
     where = (angles[0], angles[1], angles[2], angles[3])
     # rules of two node counts may differ by the tolerance that was asked
-    bound = max(ROUNDING, float(subject.said("TOLERANCE", 0.0)))
+    bound = max(ROUNDING, subject.own.tolerance or 0.0)
     along = (name, jump.below, jump.above)
     return Finding("continuity", subject.model, jump.size, bound, given, where, "", along)
 
@@ -122,7 +122,7 @@ def scans(subject: Subject, probe: Probe) -> Iterator[tuple[str, Callable[..., I
     """Give what is varied and how."""
     for name in ANGLES[: 3 if probe.setup.isotropic else 4]:
         yield name, along_direction
-    idle = subject.said("NO_SCAN", ())
+    idle = subject.own.no_scan
     for name in parameters(probe.setup):
         if name not in idle:
             yield name, along_parameter
@@ -130,7 +130,7 @@ def scans(subject: Subject, probe: Probe) -> Iterator[tuple[str, Callable[..., I
 
 def findings(subject: Subject) -> Iterator[Finding]:
     """Scan lines along each angle and each number of a choice of the settings."""
-    count = subject.said("SCANS", {}).get("fast" if subject.fast else "full", 1 if subject.fast else 4)
+    count = subject.count(subject.own.scans, 1, 4)
     # wavelengths behind RGB say nothing more, and are dear to set up
     plain = [probe for probe in subject.probes if not (probe.stochastic or probe.projected)]
     for probe in plain[:: max(1, -(-len(plain) // count))]:

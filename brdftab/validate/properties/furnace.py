@@ -22,7 +22,7 @@ def furnaces(subject: Subject) -> list[Given]:
 
     Those that name no distribution or roughness are taken with several.
     """
-    own = subject.said("FURNACE", None)
+    own = subject.own.furnace
     spec = subject.spec
     if own is None:
         own = ({"material": "mirror"},) if spec.multibounce and spec.shares("material") else ()

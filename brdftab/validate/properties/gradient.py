@@ -36,7 +36,7 @@ def numbers(setup: Setup) -> dict[str, int]:
 
 def resolved(subject: Subject, setup: Setup) -> bool:
     """Tell whether values meet the tolerance here: a model may name a range of conductors in which they do not."""
-    ranges, fresnel = subject.said("UNRESOLVED", None), setup.fresnel
+    ranges, fresnel = subject.own.unresolved, setup.fresnel
     if ranges is None or fresnel is None or fresnel.kind != CONDUCTOR:
         return True
     inside = [(low <= getattr(fresnel, n)) & (getattr(fresnel, n) <= high) for n, (low, high) in ranges.items()]
@@ -65,7 +65,7 @@ def findings(subject: Subject) -> Iterator[Finding]:
         for variant in chosen(subject):
             rng = sweep.seeded(variant)
             listed = sweep.setups(variant, interior=1 if subject.fast else 3)
-            for setup, is_corner in listed[:: subject.said("TWIN_THIN", 1)]:
+            for setup, is_corner in listed[:: subject.own.twin_thin]:
                 probe = Probe(setup, thinned(subject, directions(setup, rng, COUNT)), tolerance)
                 sure = resolved(subject, setup)
                 for name, size in numbers(setup).items():

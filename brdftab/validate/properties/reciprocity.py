@@ -53,7 +53,7 @@ def findings(subject: Subject) -> Iterator[Finding]:
         apart = np.abs(there[0] - back[0])
         scale = np.maximum(np.maximum(np.abs(there[0]), np.abs(back[0])).max(axis=-1, keepdims=True), DARK)
         if not probe.stochastic:
-            bound = max(subject.said("RECIPROCITY", ROUNDING), rounding(probe.setup))
+            bound = max(subject.own.reciprocity or ROUNDING, rounding(probe.setup))
             yield from probe.findings("reciprocity", (apart / scale).max(axis=-1), bound)
             continue
         # few walks leave along the surface, and their own standard error is not to be trusted

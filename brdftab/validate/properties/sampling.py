@@ -11,6 +11,7 @@ from brdftab import models
 from brdftab.evaluation.albedo import NODES, directional, half_vector_nodes
 from brdftab.evaluation.engine import Engine
 from brdftab.evaluation.importance_sampling import Samples, pdf, sample
+from brdftab.models.protocols import DrawsWalks
 from brdftab.models.resolve import Setup
 from brdftab.validate.finding import Finding
 from brdftab.validate.probe import Array, Subject
@@ -62,7 +63,7 @@ def nodes(setup: Setup, theta_i: float, width: float = math.pi) -> tuple[Array, 
 def distances(setup: Setup, theta_i: float, drawn: Samples, width: float = math.pi) -> Iterator[tuple[str, float]]:
     """Give (what, distance in standard errors over 5) of one set of samples."""
     count = drawn.valid.size
-    walks = hasattr(models.sampler(setup.model.name), "walk")
+    walks = isinstance(models.sampler(setup.model.name), DrawsWalks)
     # wavelengths projected to RGB may leave the gamut
     projected = setup.fresnel is not None and bool((setup.fresnel.weights < 0.0).any())
     if not (np.isfinite(drawn.weight).all() and (projected or (drawn.weight >= 0.0).all())):
@@ -91,7 +92,7 @@ def findings(subject: Subject) -> Iterator[Finding]:
             # the seed of estimators has the name of the sampler's own
             given = {k: v for k, v in probe.setup.parameters.items() if k != "seed"}
             drawn = sample(subject.model, theta, count, phi_i=AZIMUTH, seed=1, **given)
-            width = probe.setup.values.get(subject.said("CONE", ""), math.pi)
+            width = probe.setup.values.get(subject.own.cone, math.pi)
             for what, off in distances(probe.setup, theta, drawn, width):
                 where = (theta, theta, math.pi, AZIMUTH)
                 bound = 1.0

@@ -48,7 +48,7 @@ def box(subject: Subject) -> list[Setup]:
         names.append(spec.roughness)
         names += ["f0" if spec.shares("material") else "ior"] if spec.of_role("optics") else []
     rng = np.random.default_rng(zlib.crc32(subject.model.encode()))
-    count = subject.said("BOX", {}).get("fast" if subject.fast else "full", 6 if subject.fast else 40)
+    count = subject.count(subject.own.box, 6, 40)
     found = []
     for _ in range(count):
         drawn = {}

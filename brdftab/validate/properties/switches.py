@@ -22,7 +22,7 @@ DARK = 1e-9
 
 def reason(subject: Subject) -> str:
     """Say why the property does not apply, if so."""
-    return "" if subject.said("SWITCHES", ()) else "the model declares no switch of formula"
+    return "" if subject.own.switches else "the model declares no switch of formula"
 
 
 def sides(model: str, given: Given, name: str, at: float) -> tuple[Setup, Setup, float, float]:
@@ -33,14 +33,14 @@ def sides(model: str, given: Given, name: str, at: float) -> tuple[Setup, Setup,
 
 def findings(subject: Subject) -> Iterator[Finding]:
     """Compare both sides of each switch: (words, parameters, name of what crosses it, its value)."""
-    for words, given, name, at in subject.said("SWITCHES", ()):
+    for words, given, name, at in subject.own.switches:
         rng = np.random.default_rng(zlib.crc32(words.encode()))
         if name == "tolerance":
             one = other = resolve(subject.model, **given)
             low, high = float(np.nextafter(at, 0.0)), at
         else:
             one, other, low, high = sides(subject.model, given, name, at)
-        count = subject.said("SWITCH_DIRECTIONS", 40)
+        count = subject.own.switch_directions
         angles = tuple(np.ascontiguousarray(a[-count:]) for a in directions(other, rng))
         where: Angles = (angles[0], angles[1], angles[2], angles[3])
         coarse, fine = (low, high) if name == "tolerance" else (subject.tolerance, subject.tolerance)

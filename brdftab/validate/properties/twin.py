@@ -42,19 +42,20 @@ def quick_compilation() -> Iterator[None]:
 def chosen(subject: Subject) -> list[sweep.Variant]:
     """Return the variants to compile: all choices once, or one of them."""
     found = sweep.variants(subject.model, pairs=False)
-    most = subject.said("VARIANTS", {}).get("fast" if subject.fast else "full", 1 if subject.fast else len(found))
+    most = subject.count(subject.own.variants, 1, len(found))
     return found[:most]
 
 
 def tolerance_of(subject: Subject) -> float:
     """Return the tolerance at which twin and kernel are compared: few nodes are the same sum as many."""
     coarse = differences.has_nodes(subject.model)
-    return float(subject.said("TWIN_TOLERANCE", NODES_TOLERANCE if coarse else TOLERANCE))
+    own = subject.own.twin_tolerance
+    return (NODES_TOLERANCE if coarse else TOLERANCE) if own is None else own
 
 
 def thinned(subject: Subject, angles: Angles) -> Angles:
     """Return the directions, or as many of them as the model's folder says."""
-    step = COUNT // subject.said("TWIN_DIRECTIONS", COUNT)
+    step = COUNT // (subject.own.twin_directions or COUNT)
     ti, to, phi, az = (np.ascontiguousarray(a[::step]) for a in angles)
     return ti, to, phi, az
 
@@ -66,7 +67,7 @@ def findings(subject: Subject) -> Iterator[Finding]:
         for variant in chosen(subject):
             rng = sweep.seeded(variant)
             listed = sweep.setups(variant, interior=2 if subject.fast else 6)
-            for setup, _ in listed[:: subject.said("TWIN_THIN", 1)]:
+            for setup, _ in listed[:: subject.own.twin_thin]:
                 angles = thinned(subject, directions(setup, rng, COUNT))
                 mine = twins.evaluate(setup, *angles, tolerance)
                 theirs = differences.kernel_values(setup, angles, tolerance)

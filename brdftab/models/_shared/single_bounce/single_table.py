@@ -174,7 +174,7 @@ class SingleBounceTable:
         return evaluate_points(self._setup, self._masking, theta_i, theta_o, phi, phi_i)
 
     def fill(self, theta_i: np.ndarray, theta_o: np.ndarray, phi: np.ndarray, square: bool, out: np.ndarray) -> None:
-        """Fill out (I, O, P, C), float32 or float64 in C order, on a product grid of radians.
+        """Fill out (1, I, O, F, C), float32 or float64 in C order, on a product grid of radians.
 
         A square grid (both polar axes identical) is computed half and mirrored; at the horizon and below it is 0.
         """

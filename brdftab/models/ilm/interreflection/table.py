@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +12,11 @@ from brdftab import models
 from brdftab.models.ilm.interreflection.isotropic import Modes, synthesis
 from brdftab.models.ilm.interreflection.points import interpolated, points_specular, specular_setup
 from brdftab.models.ilm.interreflection.rule import rule
+from brdftab.models.protocols import Evaluator, HasEvaluator
 from brdftab.models.resolve import Setup, resolve
 
 Array = NDArray[np.float64]
-Prepare = Callable[[Setup, float, bool], Any]
+Prepare = Callable[[Setup, float, int, bool], Evaluator | None]
 # the rule's error in the worst, grazing cells is a few times what it is named after
 MARGIN = 0.25
 # tighter tolerances are left to direct evaluation: the cavity's own quadratures end near 1e-5
@@ -51,11 +52,12 @@ class Prepared:
         return out
 
     def fill(self, theta_i: Array, theta_o: Array, phi: Array, square: bool, out: NDArray[np.floating]) -> None:
-        """Fill out (I, O, P, C), float32 or float64, on a product grid of radians, in 1/sr.
+        """Fill out (1, I, O, F, C), float32 or float64, on a product grid of radians, in 1/sr.
 
         A square grid (both theta axes the same) is computed half and mirrored: reciprocal bit for bit.
         """
         self._single.fill(theta_i, theta_o, phi, square, out)
+        out = out[0]
         self._add_specular(theta_i, theta_o, phi, square, out)
         if self._dark:
             return
@@ -76,15 +78,16 @@ class Prepared:
         groove = specular_setup(self._setup)
         if groove is None:
             return
-        kernel = models.kernel("vgroove-sym")
+        kernel = cast(HasEvaluator, models.kernel("vgroove-sym"))
         first = resolve("vgroove-sym", **{**groove.parameters, "max_bounces": 1})
         tables = [kernel.prepare(some, self._tolerance) for some in (groove, first)]
         part = np.empty((*out.shape[:3], len(groove.channels)), out.dtype)
-        if any(table is None for table in tables):
+        prepared = [table for table in tables if table is not None]
+        if len(prepared) < len(tables):
             self._add_rows(theta_i, theta_o, phi, square, out)
             return
-        for sign, table in zip((1.0, -1.0), tables, strict=True):
-            table.fill(theta_i, theta_o, phi, square, part)
+        for sign, table in zip((1.0, -1.0), prepared, strict=True):
+            table.fill(theta_i, theta_o, phi, square, part[None])
             # at the mirror direction itself, where a cell average follows, the sum need not be finite
             out += np.nan_to_num(sign * part, copy=False, posinf=0.0, neginf=0.0)
 
@@ -109,7 +112,7 @@ def prepare_cavity(setup: Setup, prepare: Prepare, tolerance: float, trial: bool
     setup : Setup
         From `brdftab.models.resolve.resolve`.
     prepare : callable
-        Prepares a single-bounce setup: (setup, tolerance, trial).
+        Prepares a single-bounce setup: as a kernel module does.
     tolerance : float
         Relative error asked, at least `REACH`.
     trial : bool
@@ -117,5 +120,5 @@ def prepare_cavity(setup: Setup, prepare: Prepare, tolerance: float, trial: bool
     """
     if not setup.isotropic or tolerance < REACH:
         return None
-    single = prepare(resolve("ilm", **{**setup.parameters, "bounces": "1"}), tolerance, trial)
+    single = prepare(resolve("ilm", **{**setup.parameters, "bounces": "1"}), tolerance, 0, trial)
     return None if single is None else Prepared(setup, single, tolerance, trial)

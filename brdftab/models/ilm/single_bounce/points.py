@@ -112,3 +112,13 @@ def parts(setup: Setup, angles: tuple[np.ndarray, ...], tolerance: float) -> tup
     kd = np.broadcast_to(setup.values["kd"], channels)
     kappa = np.array([body_factor(k, indices[c]) for k, c in zip(kd, column, strict=True)])
     return out[0][:, column], kappa * out[1][:, column], out[2][:, column]
+
+
+def errors(
+    setup: Setup, theta_i: np.ndarray, theta_o: np.ndarray, phi: np.ndarray, phi_i: np.ndarray, tolerance: float
+) -> np.ndarray:
+    """Return the estimated relative error (N, C) of the body that `points` gives at a tolerance, rounding left out.
+
+    A rule's measured bound, or what two successive levels differ by (choice.py); 0 for flat surfaces.
+    """
+    return parts(setup, (theta_i, theta_o, phi, phi_i), tolerance)[2]

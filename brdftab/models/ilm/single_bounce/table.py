@@ -97,10 +97,11 @@ class Prepared:
         return direct(self._setup, theta_i, theta_o, phi, phi_i, orders=0, tolerance=self._tolerance)
 
     def fill(self, theta_i: Array, theta_o: Array, phi: Array, square: bool, out: NDArray[np.floating]) -> None:
-        """Fill out (I, O, P, C), float32 or float64, on a product grid of radians, in 1/sr.
+        """Fill out (1, I, O, F, C), float32 or float64, on a product grid of radians, in 1/sr.
 
         A square grid (both polar axes identical) is computed half and mirrored; at the horizon and below it is 0.
         """
+        out = out[0]
         out[:] = 0.0
         self.mended = 0
         lights = _above(theta_i)
@@ -158,7 +159,7 @@ class Prepared:
             rewrite(cells, mended, *axes, places, surface, channels, square, out)
 
 
-def prepare(setup: Setup, tolerance: float, trial: bool = False) -> Any:
+def prepare(setup: Setup, tolerance: float, orders: int = 0, trial: bool = False) -> Any:
     """Return the fast tables of an isotropic setup, or None where only direct evaluation serves.
 
     Parameters
@@ -167,9 +168,13 @@ def prepare(setup: Setup, tolerance: float, trial: bool = False) -> Any:
         From `brdftab.models.resolve.resolve`.
     tolerance : float
         Relative error asked of every cell and channel; None is returned below 1e-6.
+    orders : int
+        0; components take points.
     trial : bool
         Prepared only to compile the kernels; nothing is cheaper for it here.
     """
+    if orders:
+        return None
     if setup.max_bounces != 1:
         return prepare_cavity(setup, prepare, tolerance, trial)
     if not setup.isotropic or tolerance < REACH:

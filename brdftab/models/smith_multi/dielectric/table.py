@@ -185,7 +185,7 @@ def _twins(some: Array, others: Array) -> Index:
     return np.where(others[order[at]] == some, order[at], -1)
 
 
-def prepare(setup: Setup, tolerance: float, trial: bool = False, orders: int = 0) -> Prepared:
+def prepare(setup: Setup, tolerance: float, orders: int = 0, trial: bool = False) -> Prepared:
     """Return the tables of an isotropic dielectric.
 
     Parameters

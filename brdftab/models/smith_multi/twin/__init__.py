@@ -20,7 +20,7 @@ from brdftab.models._shared.twin.ndf import GGX
 from brdftab.models.smith_multi.twin.grid import at_points, spread_modes
 from brdftab.models.smith_multi.twin.nodes import nodes as nodes_of
 from brdftab.models.smith_multi.twin.solve import solve
-from brdftab.models.smith_multi.validate_setup import SOLVER_ALPHA
+from brdftab.models.smith_multi.volterra.settings import SOLVER_ALPHA
 
 SHAPE_PARAMS = ("alpha_x", "alpha_y")
 

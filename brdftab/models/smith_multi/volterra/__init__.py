@@ -27,6 +27,6 @@ def points(
     return evaluate(setup, theta_i, theta_o, phi, phi_i, orders, settings(setup.ndf, tolerance))
 
 
-def prepare(setup: Setup, tolerance: float, trial: bool = False, orders: int = 0) -> Prepared:
+def prepare(setup: Setup, tolerance: float, orders: int = 0, trial: bool = False) -> Prepared:
     """Return the tables of an isotropic reflecting setup at a relative tolerance; `trial` only compiles."""
     return Prepared(setup, tolerance, trial, orders)

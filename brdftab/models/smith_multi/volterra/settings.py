@@ -9,6 +9,8 @@ from brdftab.models._shared.facets.ndf import BECKMANN
 
 # finer tolerances keep the finest rule
 FINEST = 1e-10
+# roughness that the solver serves
+SOLVER_ALPHA = (0.01, 2.0)
 # most Gauss nodes a panel; wider ones are split
 MOST_NODES = 12
 # modes an octave, exponent where modes end, and exponent where a mode is 0 beside the largest, that reach rounding

@@ -12,9 +12,9 @@ from brdftab.models._shared.twin.frame import Directions, groove_plane, half_vec
 from brdftab.models._shared.twin.grooves import groove_value, higher
 from brdftab.models._shared.twin.ndf import density, shape_at
 from brdftab.models._shared.twin.static import Static
+from brdftab.models.vgroove_nonsym.rules import MOST_PHONG
 from brdftab.models.vgroove_nonsym.twin.bounces import bounces, rankings
 from brdftab.models.vgroove_nonsym.twin.first import mean_masking
-from brdftab.models.vgroove_nonsym.validate_setup import MOST_PHONG
 
 SHAPE_PARAMS = ("alpha_x", "alpha_y")
 # rules grow with the class of roughness
