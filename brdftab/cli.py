@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+import warnings
 from typing import Any
 
 import click
@@ -46,6 +47,7 @@ class _Group(Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; bad input ends in one line on stderr."""
+        warnings.formatwarning = lambda message, *rest, **more: f"Warning: {message}\n"
         # names of files need not be text of this terminal's
         for stream in (sys.stdout, sys.stderr):
             if getattr(stream, "errors", None) == "strict" and hasattr(stream, "reconfigure"):

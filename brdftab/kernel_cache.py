@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
+import sys
 import types
 from collections.abc import Callable, Iterator
 from functools import cached_property
@@ -65,7 +66,7 @@ def _tokens(value: Any, seen: set[int]) -> Iterator[str]:
             yield f"option {name}"
             yield from _tokens(option, seen)
         yield from _tokens(value.py_func, seen)
-    elif isinstance(value, types.FunctionType) and value.__module__.startswith("brdftab"):
+    elif isinstance(value, types.FunctionType) and not _foreign(value.__module__):
         yield f"function {value.__module__}.{value.__qualname__}"
         if id(value) in seen:
             return
@@ -94,6 +95,12 @@ def _tokens(value: Any, seen: set[int]) -> Iterator[str]:
         raise TypeError(f"a kernel depends on {value!r}, which has no fingerprint; give it a number or an array")
 
 
+def _foreign(module: str) -> bool:
+    """Tell whether a module is of Python or of Numba, whose versions the index holds, or of NumPy."""
+    top = module.partition(".")[0]
+    return top in {"numba", "numpy", "llvmlite"} or top in sys.stdlib_module_names
+
+
 def _code(code: types.CodeType, scope: dict[str, Any], seen: set[int]) -> Iterator[str]:
     """Yield what a code object computes, and the globals that it names."""
     yield hashlib.sha256(code.co_code).hexdigest()
@@ -110,7 +117,7 @@ def _code(code: types.CodeType, scope: dict[str, Any], seen: set[int]) -> Iterat
             yield name
             yield from _tokens(scope[name], seen)
         for module in modules:
-            if module.__name__.startswith("brdftab") and hasattr(module, name):
+            if not _foreign(module.__name__) and hasattr(module, name):
                 yield f"{module.__name__}.{name}"
                 yield from _tokens(getattr(module, name), seen)
 

@@ -35,8 +35,9 @@ def clean(text: str) -> str:
 def tell_compiling(model: str) -> None:
     """Say once, on stderr, that kernels are about to be compiled."""
     from brdftab.kernel_cache import has_compiled
+    from brdftab.models import package
 
-    parts = [f"brdftab.models.{model.replace('-', '_')}"]
+    parts = [package(model)]
     # models of single bounces have no kernels of their own
     parts += ["brdftab.models._shared.single_bounce"] if model != "lambert" else []
     if not any(has_compiled(part) for part in parts):

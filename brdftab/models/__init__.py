@@ -4,32 +4,54 @@ from __future__ import annotations
 
 import functools
 import importlib
+import importlib.metadata
+import importlib.util
 import os
 import pkgutil
+import warnings
 from types import ModuleType
-from typing import Any, cast
+from typing import TYPE_CHECKING, cast
 
 from brdftab.errors import ParameterError
 from brdftab.models.declaration import Model
-from brdftab.models.protocols import Checks, Kernel, MitsubaModule, Sampler, Stochastic, Twin
+from brdftab.models.protocols import Checks, Kernel, MitsubaModule, Sampler, Stochastic, Twin, ValidatesSetup
+
+if TYPE_CHECKING:
+    from brdftab.models.resolve import Setup
 
 PIECES = "_shared"
+# packages outside brdftab name their models in this group of entry points
+GROUP = "brdftab.models"
 
 
-def _folders() -> dict[str, str]:
-    """Map registry names (with dashes) to the folders that hold them."""
-    return _listed(tuple(__path__))
+def _packages() -> dict[str, str]:
+    """Map registry names (with dashes) to the packages that hold them."""
+    return _listed(tuple(__path__)) | _installed()
 
 
 @functools.cache
 def _listed(paths: tuple[str, ...]) -> dict[str, str]:
     found = (m.name for m in pkgutil.iter_modules(paths) if m.ispkg and m.name != PIECES)
-    return {name.replace("_", "-"): name for name in sorted(found)}
+    return {name.replace("_", "-"): f"{__name__}.{name}" for name in sorted(found)}
+
+
+@functools.cache
+def _installed() -> dict[str, str]:
+    """Map names of models in other distributions to their packages."""
+    found, own = {}, _listed(tuple(__path__))
+    for point in sorted(importlib.metadata.entry_points(group=GROUP), key=lambda point: point.name):
+        if point.name in own:
+            warnings.warn(f"{point.value} names a model {point.name}, which brdftab has itself; left out", stacklevel=2)
+        elif importlib.util.find_spec(point.value.partition(".")[0]) is None:
+            warnings.warn(f"{point.value}, the package of model {point.name}, is not there; left out", stacklevel=2)
+        else:
+            found[point.name] = point.value
+    return found
 
 
 def names() -> list[str]:
     """Return the names of all models, sorted; imports none of them."""
-    return list(_folders())
+    return sorted(_packages())
 
 
 def list_models() -> list[Model]:
@@ -37,11 +59,30 @@ def list_models() -> list[Model]:
     return [spec(name) for name in names()]
 
 
+def package(name: str) -> str:
+    """Return the dotted name of a model's package.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such model.
+    """
+    packages = _packages()
+    if name not in packages:
+        raise ParameterError.not_known("model", name, packages)
+    return packages[name]
+
+
 def _module(name: str, part: str) -> ModuleType:
-    folders = _folders()
-    if name not in folders:
-        raise ParameterError.not_known("model", name, folders)
-    return importlib.import_module(f"{__name__}.{folders[name]}{part}")
+    home = package(name)
+    try:
+        return importlib.import_module(f"{home}{part}")
+    except ImportError as error:
+        if home.startswith(f"{__name__}."):
+            raise
+        raise ParameterError(
+            f"model = {name}: its package {home}{part} cannot be imported ({error}); install it again, or remove it"
+        ) from error
 
 
 def spec(name: str) -> Model:
@@ -52,14 +93,16 @@ def spec(name: str) -> Model:
     ParameterError
         If there is no such model.
     """
-    return _module(name, "").SPEC
+    found = cast(Model, _module(name, "").SPEC)
+    if found.name != name:
+        raise ParameterError(f"model = {name}: its package {package(name)} declares {found.name}; give both one name")
+    return found
 
 
 def _part(name: str, part: str, called: str) -> ModuleType:
     """Import and return a module that not every model has; `called` is what users call it."""
-    folders = _folders()
-    if name in folders and not _has(folders[name], part):
-        having = ", ".join(n for n, folder in folders.items() if _has(folder, part))
+    if name in names() and not has(name, part):
+        having = ", ".join(n for n in names() if has(n, part))
         raise ParameterError(f"model = {name} has no {called}; choose one of {having}")
     return _module(name, f".{part}")
 
@@ -85,33 +128,36 @@ def sampler(name: str) -> Sampler:
     return cast(Sampler, _part(name, "sample", "sampler"))
 
 
-def _has(folder: str, module: str) -> bool:
-    """Tell whether a model's folder holds a module or package, without importing it."""
-    places = (os.path.join(root, folder, module) for root in __path__)
-    return any(os.path.isfile(f"{place}.py") or os.path.isfile(os.path.join(place, "__init__.py")) for place in places)
-
-
 def has(name: str, part: str) -> bool:
-    """Tell whether a model's folder has a module, as ``twin`` or ``sample``, without importing it."""
-    return name in _folders() and _has(_folders()[name], part)
-
-
-def validated(setup: Any) -> Any:
-    """Return a setup after the model's own ``validate_setup`` has checked what hangs on several parameters, if any."""
-    folder = _folders()[setup.model.name]
-    if not _has(folder, "validate_setup"):
-        return setup
-    return importlib.import_module(f"{__name__}.{folder}.validate_setup").validate_setup(setup)
+    """Tell whether a model's package has a module, as ``twin`` or ``sample``, without importing it."""
+    packages = _packages()
+    if name not in packages:
+        return False
+    home = packages[name]
+    if home.startswith(f"{__name__}."):
+        places = (os.path.join(root, home.rpartition(".")[2], part) for root in __path__)
+        return any(os.path.isfile(f"{p}.py") or os.path.isfile(os.path.join(p, "__init__.py")) for p in places)
+    # finding a module imports the package that holds it, which need not be there
+    _module(name, "")
+    return importlib.util.find_spec(f"{home}.{part}") is not None
 
 
 def has_twin(name: str) -> bool:
     """Tell whether a model has a twin in JAX."""
-    return _has(_folders()[name], "twin")
+    return has(name, "twin")
+
+
+def validated(setup: Setup) -> Setup:
+    """Return a setup after the model's own ``validate_setup`` has checked what hangs on several parameters, if any."""
+    name = setup.model.name
+    if not has(name, "validate_setup"):
+        return setup
+    return cast(ValidatesSetup, _module(name, ".validate_setup")).validate_setup(setup)
 
 
 def mitsuba(name: str) -> MitsubaModule | None:
     """Return a model's module on Mitsuba 3, whose ``plugin`` names what computes the same there; None without one."""
-    return cast(MitsubaModule, _module(name, ".mitsuba")) if _has(_folders()[name], "mitsuba") else None
+    return cast(MitsubaModule, _module(name, ".mitsuba")) if has(name, "mitsuba") else None
 
 
 def shader(name: str) -> str:
@@ -144,7 +190,6 @@ def checks(name: str) -> Checks:
     ParameterError
         If there is no such model.
     """
-    folders = _folders()
-    if name in folders and not _has(folders[name], "checks"):
+    if name in names() and not has(name, "checks"):
         return Checks()
     return cast(Checks, _module(name, ".checks").CHECKS)
