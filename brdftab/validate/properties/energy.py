@@ -10,7 +10,7 @@ from brdftab.evaluation.albedo import NODES, directional
 from brdftab.evaluation.engine import Engine
 from brdftab.models.resolve import Setup, resolve
 from brdftab.validate.finding import Finding
-from brdftab.validate.probe import Subject
+from brdftab.validate.probe import Probe, Subject
 
 MEANING = "directional albedo above 1"
 # what the quadrature of the albedo promises
@@ -43,9 +43,21 @@ def albedos(setup: Setup, tolerance: float, few: bool = False) -> list[tuple[flo
     return [(float(t), a, directional(engine, float(t), a)[0]) for t in np.radians(lights) for a in azimuths]
 
 
+def _chosen(subject: Subject) -> list[Probe]:
+    """Return a choice of the probes, and those at a bound of a parameter whose meaning the model alone knows."""
+    own = {p.name: p.bounds for p in subject.spec.params if not p.role and p.kind in ("float", "channels") and p.bounds}
+    some = subject.some(5 if subject.fast else 40)
+    at_bound = [
+        probe
+        for probe in subject.probes
+        if any(np.isin(probe.setup.parameters.get(name) or 0.0, ends).any() for name, ends in own.items())
+    ]
+    return some + [probe for probe in at_bound if probe not in some]
+
+
 def findings(subject: Subject) -> Iterator[Finding]:
     """Integrate the albedo at four lights for a choice of the settings."""
-    for probe in subject.some(5 if subject.fast else 40):
+    for probe in _chosen(subject):
         if probe.projected:
             continue
         setup = brightest(probe.setup)
