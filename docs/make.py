@@ -1,4 +1,4 @@
-"""Write docs/cli.md, docs/models.md and docs/limits.md from the command line, the registry and the known limits.
+"""Write the pages that follow from the command line, the registry, the known limits, the imports and the public names.
 
 python docs/make.py           # write all
 python docs/make.py --check   # exit 1 if one is out of date
@@ -12,6 +12,7 @@ import sys
 from pathlib import Path
 
 import click
+import structure
 
 from brdftab.cli import main as group
 from brdftab.commands.options import declared
@@ -190,7 +191,13 @@ def limits_page() -> str:
     return "\n".join(lines).rstrip() + "\n"
 
 
-PAGES = {"cli.md": cli_page, "models.md": models_page, "limits.md": limits_page}
+PAGES = {
+    "cli.md": cli_page,
+    "models.md": models_page,
+    "limits.md": limits_page,
+    "architecture.md": structure.architecture_page,
+    "api.md": structure.api_page,
+}
 
 
 def main() -> int:

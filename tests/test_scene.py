@@ -332,7 +332,7 @@ def test_the_example_is_planned_as_the_readme_says():
     root = Path(__file__).resolve().parents[1]
     result = CliRunner().invoke(main, ["plan", str(root / "examples" / "scene.toml")])
     assert result.exit_code == 0, result.output
-    shown = (root / "README.md").read_text()
+    shown = (root / "docs" / "examples.md").read_text()
     # lines that tell no time; of the other materials the page shows no plan
     first = result.output[: result.output.index("brushed")].splitlines()
     lines = [x for x in first if x.startswith(("gold", "  wavelengths", "  directions", "  resolution", "  promised"))]

@@ -18,14 +18,6 @@ from brdftab.models.protocols import NarrowsRoughness
 from brdftab.models.resolve import Setup, resolve
 
 Array = NDArray[np.float64]
-# canonical names that a twin's shapes depend on, by the registry's parameter
-CANONICAL = {
-    "alpha": ("alpha_x", "alpha_y"),
-    "ior": ("a",),
-    "f0": ("a",),
-    "eta": ("a",),
-    "k": ("b",),
-}
 # the least roughness of a fit: below it a lobe is narrower than any measured table resolves
 ROUGHNESS_FLOOR = 1e-4
 
@@ -90,8 +82,8 @@ class Term:
     def canonical(self, param: str) -> tuple[str, ...]:
         """Return the canonical names of a parameter in the twin."""
         if is_roughness(self.model, param):
-            return CANONICAL["alpha"]
-        return CANONICAL[param] if param in optics(self.model) else (param,)
+            return ("alpha_x", "alpha_y")
+        return self.model.param(param).canonical or (param,)
 
     def setup(self, values: Mapping[str, Any]) -> Setup:
         """Return the setup with the free parameters put in, one channel."""
@@ -242,16 +234,15 @@ def _variable(name: str, term: int, model: Model, param: str, ndf: str | None) -
     """Return the free parameter with the bounds of its declaration, narrower where its twin says so."""
     declared = model.param(param)
     low, high = declared.bounds or (-math.inf, math.inf)
-    rough, optical = is_roughness(model, param), param in optics(model)
+    rough = is_roughness(model, param)
     if rough:
         module = twin(model.name)
         least, most = low, high
         if ndf is not None and isinstance(module, NarrowsRoughness):
             least, most = module.roughness_bounds(ndf)
         low, high = max(low, least, ROUGHNESS_FLOOR), min(high, most)
-    # one refractive index for all channels, everything else that can differ by channel does
-    channels = declared.kind == "channels" and not (optical and param == "ior")
-    return Variable(name, term, param, channels, low, high, rough or (optical and param == "eta"))
+    channels = declared.kind == "channels" and not declared.shared
+    return Variable(name, term, param, channels, low, high, rough or declared.scale == "log")
 
 
 def parse(

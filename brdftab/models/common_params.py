@@ -4,11 +4,26 @@ from __future__ import annotations
 
 from brdftab.models.declaration import Param
 
+# what has broken such formulas before, by what a number is: nothing, almost nothing, and far too much
+ROUGHNESSES = (1e-4, 1e-3, 0.01, 0.1, 0.5, 1.0, 2.0, 10.0)
+TILTS = (0.0, 1e-8, 1e-4, 0.01, 0.1, 0.5, 1.0, 2.0)
+INDICES = (1.0, 1.0 + 1e-12, 1.0 + 1e-6, 1.01, 1.5, 2.5, 1e3)
+ALBEDOS = (0.0, 1e-12, 0.5, 1.0)
+EXPONENTS = (0.0, 1.0, 1e3, 1e6)
+
 NDFS = ("beckmann", "ggx", "phong")
 
 NDF_PARAMS = (
     Param("ndf", "", "beckmann", None, "normal distribution function", "choice", NDFS, role="roughness"),
-    Param("alpha", "", 0.5, (1e-4, 10.0), "roughness; Phong's exponent is 2/alpha^2 - 2", role="roughness"),
+    Param(
+        "alpha",
+        "",
+        0.5,
+        (1e-4, 10.0),
+        "roughness; Phong's exponent is 2/alpha^2 - 2",
+        role="roughness",
+        extremes=ROUGHNESSES,
+    ),
     Param(
         "alpha_x",
         "",
@@ -16,9 +31,18 @@ NDF_PARAMS = (
         (1e-4, 10.0),
         "roughness along azimuth 0 (Beckmann and GGX), with alpha_y",
         role="roughness",
+        extremes=ROUGHNESSES,
     ),
-    Param("alpha_y", "", None, (1e-4, 10.0), "roughness along azimuth 90 degrees, with alpha_x", role="roughness"),
-    Param("exponent", "", None, (-1.98, 2e8), "Phong exponent, instead of alpha", role="roughness"),
+    Param(
+        "alpha_y",
+        "",
+        None,
+        (1e-4, 10.0),
+        "roughness along azimuth 90 degrees, with alpha_x",
+        role="roughness",
+        extremes=ROUGHNESSES,
+    ),
+    Param("exponent", "", None, (-1.98, 2e8), "Phong exponent, instead of alpha", role="roughness", extremes=EXPONENTS),
 )
 
 FRESNEL_PARAMS = (
@@ -39,9 +63,34 @@ FRESNEL_PARAMS = (
         "own refractive index, with k: one value, three (R, G, B) or one a wavelength",
         "channels",
         role="optics",
+        extremes=(1e-6, 0.2, 1.0, 1e3),
+        scale="log",
+        canonical=("a",),
     ),
-    Param("k", "", None, (0.0, 1e4), "own extinction coefficient, with eta", "channels", role="optics"),
-    Param("ior", "", None, (1.0, 1e4), "dielectric refractive index; one value or three", "channels", role="optics"),
+    Param(
+        "k",
+        "",
+        None,
+        (0.0, 1e4),
+        "own extinction coefficient, with eta",
+        "channels",
+        role="optics",
+        extremes=(0.0, 1e-8, 3.0, 1e3),
+        canonical=("b",),
+    ),
+    Param(
+        "ior",
+        "",
+        None,
+        (1.0, 1e4),
+        "dielectric refractive index; one value or three",
+        "channels",
+        role="optics",
+        extremes=INDICES,
+        neutral=1.0,
+        canonical=("a",),
+        shared=True,
+    ),
     Param(
         "f0",
         "",
@@ -50,6 +99,9 @@ FRESNEL_PARAMS = (
         "Schlick's reflectance at normal incidence; one value or three",
         "channels",
         role="optics",
+        extremes=(0.0, 1e-12, 0.04, 0.9, 1.0),
+        neutral=0.0,
+        canonical=("a",),
     ),
     Param(
         "wavelengths",
@@ -79,6 +131,7 @@ MAX_BOUNCES = Param(
     "leave out higher bounce orders; the energy lost is reported",
     "int",
     role="bounces",
+    extremes=(1, 2, 5, 100_000),
 )
 
 NDF_NO_PHONG = (
@@ -107,6 +160,10 @@ BOUNDARY_PARAMS = tuple(
         (),
         "below 1 swap the sides: give 1/ior and put the light below the surface, theta_i above 90 degrees",
         "optics",
+        extremes=INDICES,
+        neutral=1.0,
+        canonical=("a",),
+        shared=True,
     )
     if p.name == "ior"
     else p

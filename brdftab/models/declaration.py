@@ -36,6 +36,16 @@ class Param:
         What it is to all that serves models without knowing them: the albedo of a matte body; a cap of the bounces;
         what facets reflect; how an estimator draws its paths; the distribution of facets and its width; the deviation
         of facets' tilt (radians). Without a role a name means nothing but the model's own.
+    scale : {"linear", "log"}
+        What a fit moves: the number, or its logarithm.
+    shared : bool
+        True where a fit finds one value for all channels of a ``channels``.
+    canonical : tuple of str
+        What it is called among the numbers of a twin; by default as here.
+    extremes : tuple of float
+        Values within the bounds at which the checks look beside the bounds: nothing, almost nothing, far too much.
+    neutral : float or None
+        Value at which its lobe is gone, which a scene may leave out.
     """
 
     name: str
@@ -47,6 +57,11 @@ class Param:
     choices: tuple[str, ...] = ()
     remark: str = ""
     role: str = ""
+    scale: str = "linear"
+    shared: bool = False
+    canonical: tuple[str, ...] = ()
+    extremes: tuple[float, ...] = ()
+    neutral: float | None = None
 
 
 @dataclass(frozen=True)

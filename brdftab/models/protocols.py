@@ -275,6 +275,8 @@ class Checks:
         At which the checks evaluate; by default 1e-6.
     cheap : mapping
         Parameters that keep it quick.
+    at_most : mapping
+        Of a parameter that makes it slow, the largest value that is checked.
     settings : tuple of mapping
         Extremes that no bound tells.
     furnace : tuple of mapping or None
@@ -304,6 +306,7 @@ class Checks:
 
     tolerance: float | None = None
     cheap: Given = field(default_factory=dict)
+    at_most: Mapping[str, float] = field(default_factory=dict)
     settings: tuple[Given, ...] = ()
     furnace: tuple[Given, ...] | None = None
     switches: tuple[tuple[str, Given, str, float], ...] = ()

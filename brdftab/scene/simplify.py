@@ -20,8 +20,6 @@ from brdftab.tables.storage import equal_channels as equal_in_bits
 Array = NDArray[np.float64]
 # a stated error is this many times the largest that was measured on the probes
 SAFETY = 3.0
-# values without which a lobe is gone
-GONE = (("kd", 0.0), ("ior", 1.0), ("f0", 0.0))
 
 
 Found = tuple[Setup, Item] | None
@@ -111,9 +109,9 @@ def fewer_lobes(setup: Setup, material: Material, probes: Probes, tolerance: flo
     if model.components == ("order",) or len(model.components) < 2:
         return None
     reference: Array | None = None
-    for name, nothing in GONE:
+    for name, nothing in ((p.name, p.neutral) for p in model.params):
         value = setup.parameters.get(name)
-        if not model.shares(name) or value is None or np.all(np.asarray(value) == nothing):
+        if nothing is None or value is None or np.all(np.asarray(value) == nothing):
             continue
         try:
             reduced = resolve(model.name, **{**setup.parameters, name: nothing})

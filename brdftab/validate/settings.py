@@ -15,22 +15,8 @@ from brdftab.models.declaration import Param
 from brdftab.models.resolve import Setup, resolve
 
 Given = dict[str, Any]
-# by parameter name, where the bounds take them: nothing, almost nothing, and far too much
-EXTREMES: dict[str, tuple[float, ...]] = {
-    "alpha": (1e-4, 1e-3, 0.01, 0.1, 0.5, 1.0, 2.0, 10.0),
-    "sigma": (0.0, 1e-8, 1e-4, 0.01, 0.1, 0.5, 1.0, 2.0),
-    "ior": (1.0, 1.0 + 1e-12, 1.0 + 1e-6, 1.01, 1.5, 2.5, 1e3),
-    "eta": (1e-6, 0.2, 1.0, 1e3),
-    "k": (0.0, 1e-8, 3.0, 1e3),
-    "f0": (0.0, 1e-12, 0.04, 0.9, 1.0),
-    "kd": (0.0, 1e-12, 0.5, 1.0),
-    "exponent": (0.0, 1.0, 1e3, 1e6),
-    "nu": (0.0, 1.0, 1e3, 1e6),
-    "nv": (0.0, 1.0, 1e3, 1e6),
-    "max_bounces": (1, 2, 5, 100_000),
-}
-# estimators draw so many paths, and surfaces that are traced so many rays a bin, unless their own bound is tighter
-PATHS, RAYS = 64, 512
+# estimators draw so many paths, unless their own bound is tighter
+PATHS = 64
 SOURCES = frozenset(p.name for p in FRESNEL_PARAMS)
 
 
@@ -51,12 +37,11 @@ def corners(param: Param) -> list[Any]:
 
 
 def extremes(param: Param) -> list[Any]:
-    """Return the corners of one parameter and what `EXTREMES` lists for it within its bounds."""
+    """Return the corners of one parameter and the extremes that it declares within its bounds."""
     if param.kind in ("text", "choice") or param.bounds is None:
         return corners(param)
     low, high = param.bounds
-    name = param.name.removesuffix("_x").removesuffix("_y")
-    listed = [x for x in EXTREMES.get(name, ()) if low <= x <= high]
+    listed = [x for x in param.extremes if low <= x <= high]
     found = [*corners(param), *(int(x) if param.kind == "int" else x for x in listed)]
     return [x for n, x in enumerate(found) if x not in found[:n]]
 
@@ -127,9 +112,7 @@ def thrifty(model: str, given: Given) -> Given:
         given = {**given, "material": "mirror"}
     if is_stochastic(resolve(model, **given)):
         given = {**given, "samples": min(given.get("samples", PATHS), PATHS)}
-    if given.get("rays") is not None:
-        given = {**given, "rays": min(given["rays"], RAYS)}
-    return given
+    return {**given, **{n: min(given[n], most) for n, most in own.at_most.items() if given.get(n) is not None}}
 
 
 def setups(model: str, *, fast: bool = False) -> list[Setup]:

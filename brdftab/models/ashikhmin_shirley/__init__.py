@@ -1,6 +1,6 @@
 """Ashikhmin and Shirley's anisotropic Phong highlight over a matte base."""
 
-from brdftab.models.common_params import FRESNEL_PARAMS
+from brdftab.models.common_params import ALBEDOS, EXPONENTS, FRESNEL_PARAMS
 from brdftab.models.declaration import Model, Param
 
 SPEC = Model(
@@ -8,8 +8,10 @@ SPEC = Model(
     title="Ashikhmin-Shirley anisotropic Phong",
     summary="a highlight of the half vector's tilt, narrow along one axis and wide along the other, over a matte base",
     params=(
-        Param("nu", "", 200.0, (0.0, 1e6), "Phong exponent along azimuth 0; the larger, the narrower"),
-        Param("nv", "", 20.0, (0.0, 1e6), "Phong exponent along azimuth 90 degrees"),
+        Param(
+            "nu", "", 200.0, (0.0, 1e6), "Phong exponent along azimuth 0; the larger, the narrower", extremes=EXPONENTS
+        ),
+        Param("nv", "", 20.0, (0.0, 1e6), "Phong exponent along azimuth 90 degrees", extremes=EXPONENTS),
         Param(
             "kd",
             "",
@@ -18,6 +20,8 @@ SPEC = Model(
             "albedo of the base, lit by what F leaves; one value or three",
             "channels",
             role="albedo",
+            extremes=ALBEDOS,
+            neutral=0.0,
         ),
         *FRESNEL_PARAMS,
     ),

@@ -1,5 +1,6 @@
 """Interfaced Lambertian microfacets: every facet is a matte body below a smooth dielectric interface."""
 
+from brdftab.models.common_params import ALBEDOS, INDICES, TILTS
 from brdftab.models.declaration import Model, Param
 
 SPEC = Model(
@@ -15,6 +16,8 @@ SPEC = Model(
             "albedo of the body below the interface; one value or three",
             "channels",
             role="albedo",
+            extremes=ALBEDOS,
+            neutral=0.0,
         ),
         Param(
             "ior",
@@ -24,6 +27,10 @@ SPEC = Model(
             "refractive index n_i of the interface; one value or three",
             "channels",
             role="optics",
+            extremes=INDICES,
+            neutral=1.0,
+            canonical=("a",),
+            shared=True,
         ),
         Param(
             "f0",
@@ -33,6 +40,9 @@ SPEC = Model(
             "reflectance at normal incidence instead of ior, which follows from it; one value or three",
             "channels",
             role="optics",
+            extremes=(0.0, 1e-12, 0.04, 0.9, 1.0),
+            neutral=0.0,
+            canonical=("a",),
         ),
         Param(
             "ndf",
@@ -51,6 +61,7 @@ SPEC = Model(
             (0.0, 10.0),
             "roughness (slope scale; gaussian: tilt in radians); flat below 1e-9",
             role="roughness",
+            extremes=TILTS,
         ),
         Param(
             "sigma_x",
@@ -59,8 +70,17 @@ SPEC = Model(
             (0.0, 10.0),
             "roughness along azimuth 0 (Beckmann and GGX), with sigma_y",
             role="roughness",
+            extremes=TILTS,
         ),
-        Param("sigma_y", "", None, (0.0, 10.0), "roughness along azimuth 90 degrees, with sigma_x", role="roughness"),
+        Param(
+            "sigma_y",
+            "",
+            None,
+            (0.0, 10.0),
+            "roughness along azimuth 90 degrees, with sigma_x",
+            role="roughness",
+            extremes=TILTS,
+        ),
         Param(
             "masking",
             "",

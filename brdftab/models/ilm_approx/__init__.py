@@ -1,5 +1,6 @@
 """Interfaced Lambertian microfacets with a closed form in place of the body integral."""
 
+from brdftab.models.common_params import ALBEDOS, INDICES, TILTS
 from brdftab.models.declaration import Model, Param
 
 SPEC = Model(
@@ -15,6 +16,8 @@ SPEC = Model(
             "albedo of the body below the interface; one value or three",
             "channels",
             role="albedo",
+            extremes=ALBEDOS,
+            neutral=0.0,
         ),
         Param(
             "ior",
@@ -24,6 +27,10 @@ SPEC = Model(
             "refractive index n_i of the interface; one value or three",
             "channels",
             role="optics",
+            extremes=INDICES,
+            neutral=1.0,
+            canonical=("a",),
+            shared=True,
         ),
         Param(
             "f0",
@@ -33,6 +40,9 @@ SPEC = Model(
             "reflectance at normal incidence instead of ior, which follows from it; one value or three",
             "channels",
             role="optics",
+            extremes=(0.0, 1e-12, 0.04, 0.9, 1.0),
+            neutral=0.0,
+            canonical=("a",),
         ),
         Param("ndf", "", "beckmann", None, "normal distribution function", "choice", ("beckmann",), role="roughness"),
         Param(
@@ -42,6 +52,7 @@ SPEC = Model(
             (0.0, 1.5),
             "roughness (slope scale), as far as the form was fitted; flat below 1e-9",
             role="roughness",
+            extremes=TILTS,
         ),
     ),
     components=("specular", "body"),

@@ -2,6 +2,7 @@
 
 import math
 
+from brdftab.models.common_params import ALBEDOS, TILTS
 from brdftab.models.declaration import Model, Param
 
 SPEC = Model(
@@ -9,7 +10,17 @@ SPEC = Model(
     title="Oren-Nayar rough diffuser",
     summary="Lambertian V-cavities, masking and one interreflection, by the 1994 fit",
     params=(
-        Param("kd", "", 0.5, (0.0, 1.0), "albedo of a facet; one value or three (R, G, B)", "channels", role="albedo"),
+        Param(
+            "kd",
+            "",
+            0.5,
+            (0.0, 1.0),
+            "albedo of a facet; one value or three (R, G, B)",
+            "channels",
+            role="albedo",
+            extremes=ALBEDOS,
+            neutral=0.0,
+        ),
         Param(
             "sigma",
             "rad",
@@ -17,6 +28,7 @@ SPEC = Model(
             (0.0, math.pi / 2),
             "standard deviation of the facets' tilt",
             role="tilt",
+            extremes=TILTS,
         ),
         Param(
             "variant",

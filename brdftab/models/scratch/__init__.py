@@ -36,6 +36,7 @@ SPEC = Model(
             "bounces followed (64 if not given); more are left out",
             "int",
             role="bounces",
+            extremes=(1, 2, 5, 100_000),
         ),
         Param(
             "fresnel",

@@ -6,6 +6,7 @@ from brdftab.models.protocols import Checks
 
 CHECKS = Checks(
     # few wide bins, so that a quadrature of the albedo sees them
+    at_most={"rays": 512},
     cheap={"bins": 32, "rays": 512, "psi": math.radians(20.0)},
     # walls that are vertical at the rim or all over, the deepest notch, and none at all
     settings=(
