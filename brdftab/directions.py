@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 TWO_PI = 2.0 * np.pi
 # directions whose cosine is no larger lie on the horizon, where nothing is reflected
 HORIZON = 1e-15
+# half vectors of no larger sine are the normal: the mirror direction, where bounces may be infinite
+MIRROR_SINE = 1e-14
 
 
 def to_vector(theta: ArrayLike, phi: ArrayLike) -> Array:

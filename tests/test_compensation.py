@@ -7,9 +7,9 @@ import pytest
 
 import brdftab
 from brdftab.materials import fresnel as materials
-from brdftab.models._shared.facets.masking import MASKINGS
+from brdftab.models._shared.codes import MASKINGS, NDF_CODES
 from brdftab.models._shared.single_bounce.albedo import average_albedo, average_reflectance, missing, single_albedo
-from brdftab.models.resolve import NDF_CODES, resolve
+from brdftab.models.resolve import resolve
 
 ANGLES = np.radians([0.0, 17.0, 45.0, 70.0, 83.0, 88.0, 89.9])
 

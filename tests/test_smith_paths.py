@@ -16,7 +16,7 @@ from scipy.special import erfc
 
 import brdftab
 from benchmarks.papers.wang import PAIRS
-from brdftab.models._shared.facets.masking import CORRELATED
+from brdftab.models._shared.codes import CORRELATED
 from brdftab.models._shared.random_walk import estimates as counts
 from brdftab.models._shared.random_walk.exits import mean_exit, walks
 from brdftab.models._shared.random_walk.normals import turn, visible_normal

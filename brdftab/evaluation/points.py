@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from brdftab import models
-from brdftab.directions import HORIZON
+from brdftab.directions import HORIZON, MIRROR_SINE
 from brdftab.errors import ParameterError, SingularDirectionError
 from brdftab.evaluation import delta
 from brdftab.evaluation.agreement import LOOSEST, least_errors, looser
@@ -20,7 +20,6 @@ from brdftab.timing import Clock
 
 Array = NDArray[np.float64]
 ORDERS = 8
-MIRROR = 1e-14
 EPS = float(np.finfo(np.float64).eps)
 TOLERANCE = 1e-9
 # the finer rule's share of the tolerance
@@ -97,7 +96,7 @@ def singular(setup: Setup, theta_i: Array, theta_o: Array, phi: Array, phi_i: Ar
         so * np.sin(phi),
     )
     up = np.cos(theta_i) + np.cos(theta_o)
-    near = (flat <= MIRROR * up) & (np.minimum(np.cos(theta_i), np.cos(theta_o)) > HORIZON)
+    near = (flat <= MIRROR_SINE * up) & (np.minimum(np.cos(theta_i), np.cos(theta_o)) > HORIZON)
     if not near.any():
         return found
     t, az = theta_i[near], phi_i[near]

@@ -13,9 +13,9 @@ from brdftab.errors import ParameterError
 from brdftab.materials import fresnel as builders
 from brdftab.materials.fresnel import Fresnel
 from brdftab.models import spec, validated
+from brdftab.models._shared.codes import NDF_CODES
 from brdftab.models.declaration import Model, Param
 
-NDF_CODES = {"beckmann": 0, "ggx": 1, "phong": 2, "gaussian": 3}
 # of linear sRGB, IEC 61966-2-1
 LUMINANCE = (0.2126, 0.7152, 0.0722)
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from brdftab.models._shared.single_bounce.single import V_CAVITY, evaluate_points
+from brdftab.models._shared.codes import V_CAVITY
+from brdftab.models._shared.single_bounce.single import evaluate_points
 from brdftab.models._shared.single_bounce.single_table import SingleBounceTable, build
 from brdftab.models.resolve import Setup
 

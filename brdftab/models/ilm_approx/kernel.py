@@ -9,10 +9,11 @@ import numpy as np
 
 from brdftab.directions import HORIZON
 from brdftab.jit import parallel_kernel
+from brdftab.models._shared.codes import V_CAVITY
 from brdftab.models._shared.facets.flat import mirror_reflectance
 from brdftab.models._shared.fresnel.fresnel import reflectance
 from brdftab.models._shared.fresnel.interface import body_factor
-from brdftab.models._shared.single_bounce.single import V_CAVITY, geometry
+from brdftab.models._shared.single_bounce.single import geometry
 from brdftab.models.ilm_approx.approximation import body
 from brdftab.models.resolve import Setup
 

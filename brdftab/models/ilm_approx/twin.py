@@ -6,6 +6,8 @@ import math
 
 import jax.numpy as jnp
 
+from brdftab.materials.fresnel import DIELECTRIC
+from brdftab.models._shared.codes import BECKMANN
 from brdftab.models._shared.twin.frame import half_vector, lifted
 from brdftab.models._shared.twin.fresnel import reflectance
 from brdftab.models._shared.twin.interface import body_factor, transmission
@@ -14,7 +16,6 @@ from brdftab.models._shared.twin.ndf import density
 from brdftab.models.ilm_approx.coefficients import FACET, LAMBERTIAN
 
 SHAPE_PARAMS = ("alpha_x", "a")
-_BECKMANN, _DIELECTRIC = 0, 2
 _LEAST = 1e-12
 
 
@@ -64,9 +65,9 @@ def shapes(static, p, d):
     sin_h, cos_h, i_h, _, _ = half_vector(d)
     sigma, n = p["alpha_x"], p["a"]
     rough = sigma > 0.0
-    facets = density(_BECKMANN, jnp.where(rough, sigma, 1.0), cos_h, sin_h) * v_cavity(cos_h, d.ci, d.co, i_h)
+    facets = density(BECKMANN, jnp.where(rough, sigma, 1.0), cos_h, sin_h) * v_cavity(cos_h, d.ci, d.co, i_h)
     # a flat surface reflects specularly in one direction only, which has no value
-    specular = jnp.where(above & rough, facets / (4.0 * d.ci * d.co), 0.0) * reflectance(_DIELECTRIC, n, None, i_h)
+    specular = jnp.where(above & rough, facets / (4.0 * d.ci * d.co), 0.0) * reflectance(DIELECTRIC, n, None, i_h)
     c = jnp.cos(d.phi)
     first, second = _cosines(sigma, n, d, c)
     body = _lambertian(sigma, d, c) * transmission(n, first) * transmission(n, second) / math.pi

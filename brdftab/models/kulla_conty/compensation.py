@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from brdftab.models._shared.facets.masking import MASKINGS
+from brdftab.models._shared.codes import MASKINGS
 from brdftab.models._shared.single_bounce.albedo import average_albedo, average_reflectance, missing
 from brdftab.models._shared.single_bounce.single import evaluate_points
 from brdftab.models._shared.single_bounce.single_table import SingleBounceTable, build

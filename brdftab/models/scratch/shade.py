@@ -36,7 +36,7 @@ def groups_of_layers() -> NDArray[np.int64]:
 def add_path(fresnel, along, groups, facts, mass, first, row, total):
     """Add flux times reflectance of one entry to total (W,); `first` is the cosine of an entry of first bounces."""
     kind, a, b, table = fresnel
-    if kind == 0:
+    if kind == MIRROR:
         for w in range(row.size):
             total[w] += mass
         return

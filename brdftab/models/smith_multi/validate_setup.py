@@ -8,7 +8,7 @@ import numpy as np
 
 from brdftab.errors import ParameterError
 from brdftab.materials.fresnel import CONDUCTOR
-from brdftab.models._shared.facets.ndf import BECKMANN
+from brdftab.models._shared.codes import BECKMANN
 from brdftab.models.resolve import Setup
 from brdftab.models.smith_multi.volterra.poles import followed
 from brdftab.models.smith_multi.volterra.settings import SOLVER_ALPHA

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from brdftab.models._shared.facets.masking import MASKINGS
+from brdftab.models._shared.codes import MASKINGS
 from brdftab.models._shared.fresnel.fresnel import reflectance
 from brdftab.models._shared.single_bounce.albedo import missing
 from brdftab.models._shared.single_bounce.single import evaluate_points

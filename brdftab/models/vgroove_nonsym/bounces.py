@@ -11,6 +11,8 @@ import math
 import numpy as np
 
 from brdftab.jit import kernel
+from brdftab.materials.fresnel import MIRROR
+from brdftab.models._shared.codes import BECKMANN, PHONG
 from brdftab.models._shared.facets.ndf import density, opposite_norm
 from brdftab.models._shared.fresnel.fresnel import multiply_chain, multiply_long_chain
 from brdftab.models._shared.fresnel.logfresnel import add_products, power_sums, spread_sums
@@ -41,7 +43,7 @@ def order_end(family, big_m, small_m):
 @kernel
 def _facets(ndf, shape, sl, cl, sr, cr, shift):
     """Return D(l) D(r), for Beckmann times exp(shift) so that its deep tails survive in a logarithm."""
-    if ndf == 0:
+    if ndf == BECKMANN:
         ia2 = 1.0 / (shape * shape)
         c = cl * cr
         tl, tr = sl / cl, sr / cr
@@ -57,7 +59,7 @@ def _facets(ndf, shape, sl, cl, sr, cr, shift):
 @kernel
 def _wall(ndf, shape, is_first, is_last, start, end, l0, slope):
     """Tell whether a panel of a broad Phong lobe ends where the right (1) or left (2) facet is vertical, else 0."""
-    if ndf != 2 or shape > BROAD:
+    if ndf != PHONG or shape > BROAD:
         return 0
     if is_last and end >= HALF_PI - 1e-12:
         return 1
@@ -87,7 +89,7 @@ def _node(x, wall, start, width, l0, slope):
 def _add_node(fresnel, big_l, r, t, k, exact, l0, slope, value, row, acc):
     """Add value * prod F at one tilt r to acc (W,)."""
     kind, a, b, table = fresnel
-    if kind == 0:
+    if kind == MIRROR:
         acc[0] += value
         return
     left = l0 - slope * r
@@ -214,7 +216,7 @@ def _tail_edges(ndf, shape, family, big_m, small_m, low, high, edges):
     """
     edges[0] = low
     edges[1] = high
-    if ndf != 2 or shape >= 0.0:
+    if ndf != PHONG or shape >= 0.0:
         return 2
     d, th = 0.5 * (big_m - small_m), 0.5 * (big_m + small_m)
     # aperture left beside a vertical facet, times k for even and k + 1 for odd orders
@@ -280,7 +282,7 @@ def add_bounces(big_m, small_m, ndf, shape, shift, k_explicit, k_cap, tail, rule
             )
             total += part
             k += 2
-            if part == 0.0 and ndf == 0 and k > 8:
+            if part == 0.0 and ndf == BECKMANN and k > 8:
                 break
         if k <= k_single or k >= end or k > k_cap:
             continue

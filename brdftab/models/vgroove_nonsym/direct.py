@@ -8,10 +8,12 @@ from typing import Any
 import numba
 import numpy as np
 
-from brdftab.directions import HORIZON
+from brdftab.directions import HORIZON, MIRROR_SINE
 from brdftab.jit import kernel, parallel_kernel
+from brdftab.materials.fresnel import MIRROR
+from brdftab.models._shared.codes import BECKMANN, PHONG
 from brdftab.models._shared.facets.frame import groove_plane, pair
-from brdftab.models._shared.facets.ndf import PHONG, density, shape_at
+from brdftab.models._shared.facets.ndf import density, shape_at
 from brdftab.models._shared.facets.rough import rough_class
 from brdftab.models._shared.fresnel.fresnel import multiply
 from brdftab.models._shared.fresnel.logfresnel import fit
@@ -25,7 +27,6 @@ from brdftab.quadrature import unit_gauss, unit_jacobi
 
 NO_CAP = 2_000_000_000
 
-MIRROR = 1e-14
 
 # orders whose peak lies this many e-folds below the first order's cannot change a float64 sum
 DEPTH = 45.0
@@ -70,12 +71,12 @@ def evaluate(theta_i, theta_o, phi, phi_i, ndf, alpha_x, alpha_y, fresnel, serie
     k_exact, k_single, k_cap, tail, gauss, wall_gauss, fine, masking_gauss, pair_from = sums
     value, big_m, small_m = first_order(ndf, shape, amp, plane, ci, co, masking_gauss)
     kind, a, b, table = fresnel
-    if k_cap >= 2 and sin_h >= MIRROR:
+    if k_cap >= 2 and sin_h >= MIRROR_SINE:
         depth = DEPTH
-        if ndf == 0:
+        if ndf == BECKMANN:
             tangent = sin_h / (cos_h * shape)
             depth += tangent * tangent
-        elif ndf == 2:
+        elif ndf == PHONG:
             depth -= shape * math.log(cos_h)
         rule = (gauss, wall_gauss, fine, depth, pair_from)
         k_explicit = (k_exact, k_single)
@@ -133,7 +134,7 @@ def arrays(setup: Setup, tolerance: float) -> tuple[Any, ...]:
     )
     weights = np.ascontiguousarray(setup.fresnel.weights)
     coefficients = None
-    if setup.fresnel.kind != 0 and tolerance >= 0.999 * SERIES_REACH:
+    if setup.fresnel.kind != MIRROR and tolerance >= 0.999 * SERIES_REACH:
         coefficients = fit(setup.fresnel, 0.02 * tolerance)
     if coefficients is None:
         coefficients = np.empty((weights.shape[0], 0))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from brdftab.jit import kernel
+from brdftab.models._shared.codes import BECKMANN, GGX
 from brdftab.models._shared.facets.ndf import opposite_norm
 
 PI = math.pi
@@ -22,12 +23,12 @@ def masked_share(ndf, shape, sin_m, cos_m, gauss):
         return 0.0
     t = cos_m / sin_m
     x = t / shape
-    if ndf == 0:
+    if ndf == BECKMANN:
         if x > 27.0:
             return 0.0
         g = math.exp(-x * x)
         return sin_m * (math.erfc(x) + 2.0 * x * g / ROOT_PI) - cos_m * 2.0 * g / (ROOT_PI * shape)
-    if ndf == 1:
+    if ndf == GGX:
         # the angle left of pi/2 keeps its digits for large x
         rest = math.atan2(shape, t)
         sc = x / (1.0 + x * x)

@@ -13,9 +13,10 @@ import math
 import numba
 import numpy as np
 
-from brdftab.directions import HORIZON
+from brdftab.directions import HORIZON, MIRROR_SINE
 from brdftab.jit import kernel, parallel_kernel
-from brdftab.materials.fresnel import Fresnel, reflectance
+from brdftab.materials.fresnel import MIRROR, Fresnel, reflectance
+from brdftab.models._shared.codes import BECKMANN, PHONG
 from brdftab.models._shared.facets.frame import groove_plane, pair
 from brdftab.models._shared.facets.ndf import density
 from brdftab.models._shared.fresnel.logfresnel import fit
@@ -30,7 +31,6 @@ from brdftab.quadrature import unit_gauss
 PI = math.pi
 HALF_PI = 0.5 * math.pi
 TINY = 1e-300
-MIRROR = 1e-14
 # the tightest tolerance that the fixed grid can hold
 REACH = 8e-4
 # rows in M and columns in m: the smaller is tried from a tolerance on
@@ -71,7 +71,7 @@ def _build(
         big = min(HALF_PI * (1.0 - (1.0 - u) * (1.0 - u)), HALF_PI - 1e-9)
         for j in range(columns):
             small = big * math.sin(HALF_PI * (2.0 * j / (columns - 1.0) - 1.0))
-            shift = _peak_shift(0.5 * (big - small), shape) if ndf == 0 else 0.0
+            shift = _peak_shift(0.5 * (big - small), shape) if ndf == BECKMANN else 0.0
             acc[:] = 0.0
             rule = (gauss, gauss, False, shift + DEPTH, pair_from)
             total = add_bounces(
@@ -176,11 +176,11 @@ def _at(directions, ndf, shape, many_bounces, first_f, full, grid, gauss, work, 
     x -= cell
     for c in range(channels):
         out[c] = first * (first_f[cell, c] + x * (first_f[cell + 1, c] - first_f[cell, c]))
-    if not many_bounces or sin_h < MIRROR:
+    if not many_bounces or sin_h < MIRROR_SINE:
         return
     _higher_orders(t, u / max(t, TINY), grid, sums, wu, wv)
     log_w = sums[0]
-    if ndf == 0:
+    if ndf == BECKMANN:
         # tan(pi/4 - d/2) = cos d/(1 + sin d)
         tan = cos_d / (1.0 + math.sqrt(max(1.0 - cos_d * cos_d, 0.0)))
         log_w -= 2.0 * tan * tan / (shape * shape)
@@ -251,7 +251,7 @@ class Interpolant:
         lengths = (0.5 * (1.0 - np.cos(np.pi * n / count))) ** 2
         inverse = np.linalg.inv(np.sqrt(lengths)[:, None] ** n[None, :])
         powers = np.ascontiguousarray(lengths[None, :] ** np.arange(1, coefficients.shape[1] + 1)[:, None])
-        entries = 1 if fresnel.kind == 0 else 1 + count * weights.shape[1]
+        entries = 1 if fresnel.kind == MIRROR else 1 + count * weights.shape[1]
         rows = size[0]
         grid = np.empty((*size, entries))
         many_bounces = k_cap >= 2
@@ -300,10 +300,10 @@ class Interpolant:
 def build(setup: Setup, tolerance: float, trial: bool = False) -> Interpolant | None:
     """Return an interpolant where it can hold the tolerance, else None (then evaluate directly)."""
     assert setup.fresnel is not None
-    if setup.ndf == 2 or not setup.isotropic or tolerance < REACH or not 0.02 <= setup.alpha_x <= 2.0:
+    if setup.ndf == PHONG or not setup.isotropic or tolerance < REACH or not 0.02 <= setup.alpha_x <= 2.0:
         return None
     fresnel, coefficients = setup.fresnel, np.zeros((1, 0))
-    if fresnel.kind != 0:
+    if fresnel.kind != MIRROR:
         fresnel = thinned(setup, 0.3 * tolerance)
         found = fit(fresnel, 0.05 * tolerance)
         if found is None:

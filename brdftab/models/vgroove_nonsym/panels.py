@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 from brdftab.jit import kernel
+from brdftab.models._shared.codes import BECKMANN, GGX
 
 PI = math.pi
 HALF_PI = 0.5 * math.pi
@@ -119,7 +120,7 @@ def _slope_curvature(ndf, shape, x):
     """Return first and second derivative of -log D over a facet's tilt (Beckmann: tan^2/alpha^2, Phong: -n log cos)."""
     tan = math.tan(min(max(x, 0.0), HALF_PI - 1e-9))
     sec2 = 1.0 + tan * tan
-    if ndf == 0:
+    if ndf == BECKMANN:
         f = 2.0 / (shape * shape)
         return f * tan * sec2, f * sec2 * (1.0 + 3.0 * tan * tan)
     return shape * tan, shape * sec2
@@ -127,7 +128,7 @@ def _slope_curvature(ndf, shape, x):
 
 @kernel
 def _depth(ndf, shape, x):
-    if ndf == 0:
+    if ndf == BECKMANN:
         tan = math.tan(min(max(x, 0.0), HALF_PI - 1e-9))
         return tan * tan / (shape * shape)
     return -shape * math.log(max(math.cos(x), 1e-300))
@@ -232,19 +233,19 @@ def panel_edges(t, u, k, odd, ndf, shape, fine, depth_limit, cuts, edges):
         low, high, n = support_even(t, u, l0, cuts)
     if high - low < TINY:
         return 0
-    if ndf == 1:
+    if ndf == GGX:
         if fine:
             n = scale_cuts(0.5 * shape, 4.0, 8, l0, slope, cuts, n)
         elif shape < 0.6:
             n = scale_cuts(shape, 4.0, 4, l0, slope, cuts, n)
-    elif ndf == 0 and shape > 1.2:
+    elif ndf == BECKMANN and shape > 1.2:
         # broad lobes are flat up to tan = alpha and then fall at once: no parabola describes them
         far = math.atan(6.4 * shape)
         low, high = max(low, (l0 - far) / slope), min(high, far)
         if high - low < TINY:
             return 0
         n = scale_cuts(0.25 * shape, 1.6 if fine else 2.56, 7 if fine else 4, l0, slope, cuts, n)
-    elif ndf == 0 or shape > BROAD:
+    elif ndf == BECKMANN or shape > BROAD:
         low, high, n = peak_cuts(ndf, shape, l0, slope, low, high, depth_limit, cuts, n)
         if high - low < TINY:
             return 0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from brdftab.errors import ParameterError
-from brdftab.models._shared.facets.ndf import PHONG
+from brdftab.models._shared.codes import PHONG
 from brdftab.models.resolve import Setup
 from brdftab.models.vgroove_nonsym.rules import MOST_PHONG
 

@@ -11,6 +11,8 @@ import math
 import numpy as np
 
 from brdftab.jit import kernel
+from brdftab.materials.fresnel import MIRROR
+from brdftab.models._shared.codes import BECKMANN
 from brdftab.models._shared.facets.ndf import density
 from brdftab.models._shared.fresnel.fresnel import multiply_chain, multiply_long_chain
 from brdftab.models._shared.grooves.groove2d import beam_symmetric
@@ -86,7 +88,7 @@ def add_bounces(
             s, c = sincos_small(sign * z / k)
             sy = steps[0, k] * c + steps[1, k] * s
             cy = steps[1, k] * c - steps[0, k] * s
-            if ndf == 0 and cy * cy > cut * sy * sy:
+            if ndf == BECKMANN and cy * cy > cut * sy * sy:
                 cut_off = True
                 break
             beam = beam_symmetric(sy, cy, sign * sin_big, cos_big, sin_q, cos_small)
@@ -107,7 +109,7 @@ def _add_term(fresnel, big_l, y, theta_i, k, value, row, acc, layer):
     """Add value * prod_j F(L sin((2j - 1) y - theta_i)) to one layer."""
     kind, a, b, table = fresnel
     size = acc.shape[1]
-    if kind == 0:
+    if kind == MIRROR:
         acc[layer, 0] += value
         return
     product = row[0]
@@ -150,7 +152,7 @@ def _add_tail(ends, angles, halves, big_l, ndf, shape, prefactor, fresnel, gauss
                 continue
             # dk/2 = dx/(2 x^2) and the term's own 1/k = x
             value = prefactor * density(ndf, shape, s, c) * beam * c * 0.5 * dx * gauss[1, q] / x
-            if kind == 0:
+            if kind == MIRROR:
                 acc[layer, 0] += value
                 continue
             product = row[0]

@@ -8,7 +8,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from brdftab.directions import HORIZON
+from brdftab.directions import HORIZON, MIRROR_SINE
 from brdftab.jit import kernel, parallel_kernel
 from brdftab.models._shared.facets.frame import groove_plane, pair
 from brdftab.models._shared.facets.masking import v_cavity
@@ -22,8 +22,6 @@ from brdftab.models.vgroove_sym.rules import rule
 from brdftab.quadrature import unit_gauss
 
 NO_CAP = 2_000_000_000
-# below this sine of theta_h two or more bounces are not evaluated: `singular` refuses the direction first
-MIRROR = 1e-14
 
 
 @kernel
@@ -46,7 +44,7 @@ def evaluate(theta_i, theta_o, phi, phi_i, ndf, alpha_x, alpha_y, fresnel, steps
     for w in range(first.size):
         first[w] = value
     multiply(kind, a, b, table, i_h, first)
-    if k_cap < 2 or sin_h < MIRROR:
+    if k_cap < 2 or sin_h < MIRROR_SINE:
         return
     t, u = math.atan2(st, ct), math.atan2(su, cu)
     in_plane = (t, u, st, ct, su, cu) if t >= u else (u, t, su, cu, st, ct)

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import math
 
-from brdftab.directions import HORIZON
+from brdftab.directions import HORIZON, MIRROR_SINE
 from brdftab.jit import kernel
+from brdftab.models._shared.codes import BECKMANN, GGX, PHONG
 from brdftab.models._shared.facets.ndf import density
 from brdftab.models._shared.grooves.groove2d import beam_symmetric
 from brdftab.models.vgroove_sym.bounces import sincos_small
 
 PI = math.pi
-MIRROR_SINE = 1e-14
 
 # one scratch array holds named rows of LANES numbers: fixed distances let the compiler prove that rows do not overlap
 LANES = 184
@@ -99,7 +99,7 @@ def frame(n, lanes):
 @kernel
 def distribute(ndf, shape, n, sines, cosines, lanes):
     """Multiply VALUE by the density of facets whose tilts have these sines and cosines (offsets of two rows)."""
-    if ndf == 0:
+    if ndf == BECKMANN:
         a2 = 1.0 / (shape * shape)
         for p in range(n):
             s, c = lanes[sines + p], lanes[cosines + p]
@@ -107,7 +107,7 @@ def distribute(ndf, shape, n, sines, cosines, lanes):
             e = s * s * c2 * a2
             value = small_exp(-e) * (a2 / PI) * c2 * c2
             lanes[VALUE + p] *= value if e < 700.0 else 0.0
-    elif ndf == 1:
+    elif ndf == GGX:
         a2 = shape * shape
         for p in range(n):
             s, c = lanes[sines + p], lanes[cosines + p]
@@ -123,14 +123,14 @@ def distribute(ndf, shape, n, sines, cosines, lanes):
 def depths(ndf, shape, depth, n, lanes):
     """Write the least y whose facets matter: their exponent exceeds the first order's by `depth` at most."""
     a2 = shape * shape
-    drop = math.exp(-depth / shape) if ndf == 2 and shape > 0.0 else 0.0
+    drop = math.exp(-depth / shape) if ndf == PHONG and shape > 0.0 else 0.0
     for p in range(n):
         s, c = lanes[SY + p], lanes[CY + p]
-        x = 1.0 / math.sqrt(1.0 + s * s / max(c * c, 1e-300) + depth * a2) if ndf == 0 else c * drop
+        x = 1.0 / math.sqrt(1.0 + s * s / max(c * c, 1e-300) + depth * a2) if ndf == BECKMANN else c * drop
         # asin(x) from below
         z = x * x
         y = x * (1.0 + z * (1 / 6 + z * (3 / 40 + z * (5 / 112))))
-        lanes[Y_MIN + p] = 1e-300 if ndf == 1 else max(y, 1e-300)
+        lanes[Y_MIN + p] = 1e-300 if ndf == GGX else max(y, 1e-300)
 
 
 @kernel

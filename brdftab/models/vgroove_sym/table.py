@@ -16,6 +16,7 @@ import numpy as np
 
 from brdftab.jit import kernel, parallel_kernel
 from brdftab.materials.fresnel import MIRROR, Fresnel, reflectance
+from brdftab.models._shared.codes import PHONG
 from brdftab.models._shared.facets.frame import pair
 from brdftab.models._shared.facets.ndf import density, shape_at
 from brdftab.models._shared.grooves.groove2d import beam_symmetric
@@ -313,7 +314,7 @@ def prepare(setup: Setup, tolerance: float, orders: int = 0, trial: bool = False
     """
     assert setup.fresnel is not None
     # beyond alpha = 1 Phong's exponent is negative and the orders hardly fall off
-    if orders or not setup.isotropic or tolerance < REACH or (setup.ndf == 2 and setup.alpha_x > 1.0):
+    if orders or not setup.isotropic or tolerance < REACH or (setup.ndf == PHONG and setup.alpha_x > 1.0):
         return None
     optics = _optics(setup.fresnel, tolerance)
     return None if optics is None else Prepared(setup, tolerance, optics)

@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 
 from brdftab.jit import kernel
-
-SEPARABLE, CORRELATED, WALTER = 0, 1, 2
-MASKINGS = {"separable": SEPARABLE, "height-correlated": CORRELATED, "smith-walter": WALTER}
+from brdftab.models._shared.codes import CORRELATED, GGX
 
 
 @kernel
@@ -25,7 +23,7 @@ def smith_lambda(ndf, alpha, tangent, walter):
     x = alpha * abs(tangent)
     if x == 0.0:
         return 0.0
-    if ndf == 1:
+    if ndf == GGX:
         x2 = x * x
         return 0.5 * x2 / (1.0 + math.sqrt(1.0 + x2))
     v = 1.0 / x
@@ -50,6 +48,6 @@ def projected_alpha(ndf, alpha_x, alpha_y, cos_phi, sin_phi):
 @kernel
 def smith_g2(masking, lambda_i, lambda_o):
     """Return Smith masking-shadowing of both directions, separable or height-correlated (Heitz 2014, Eqs. 98, 99)."""
-    if masking == 1:
+    if masking == CORRELATED:
         return 1.0 / (1.0 + lambda_i + lambda_o)
     return 1.0 / ((1.0 + lambda_i) * (1.0 + lambda_o))

@@ -9,16 +9,15 @@ from __future__ import annotations
 import math
 
 from brdftab.jit import kernel
+from brdftab.models._shared.codes import BECKMANN, GGX, PHONG
 
-BECKMANN, GGX, PHONG = 0, 1, 2
-CODES = {"beckmann": BECKMANN, "ggx": GGX, "phong": PHONG}
 PI = math.pi
 
 
 @kernel
 def shape_at(ndf, alpha_x, alpha_y, cos_phi, sin_phi):
     """Return the shape number at an azimuth and the factor alpha_phi^2/(alpha_x alpha_y) of D there."""
-    if ndf == 2:
+    if ndf == PHONG:
         return 2.0 / (alpha_x * alpha_x) - 2.0, 1.0
     if alpha_x == alpha_y:
         return alpha_x, 1.0
@@ -33,14 +32,14 @@ def density(ndf, shape, c, s):
     """D (1/sr) of a facet with tilt cosine c and sine s, up to the factor of `shape_at`; int D c domega = 1."""
     if c <= 0.0:
         return 0.0
-    if ndf == 0:
+    if ndf == BECKMANN:
         t = s / (c * shape)
         e = t * t
         if e > 700.0:
             return 0.0
         c2 = c * c
         return math.exp(-e) / (PI * shape * shape * c2 * c2)
-    if ndf == 1:
+    if ndf == GGX:
         a2 = shape * shape
         d = a2 * c * c + s * s
         return a2 / (PI * d * d)
@@ -55,9 +54,9 @@ def opposite_norm(ndf, shape):
 
     The constants printed in App. C are wrong.
     """
-    if ndf == 0:
+    if ndf == BECKMANN:
         return 4.0 * math.sqrt(PI) / shape
-    if ndf == 1:
+    if ndf == GGX:
         return 4.0 / shape
     x = 0.5 * shape + 0.5
     if x > 5e3:

@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from brdftab.jit import kernel
+from brdftab.materials.fresnel import CONDUCTOR, DIELECTRIC, MIRROR, SCHLICK
 
 
 @kernel
@@ -53,17 +54,17 @@ def _dielectric(n, c):
 def reflectance(kind, a, b, cosine):
     """Return F in [0, 1] at the cosine of incidence (clipped to [0, 1])."""
     c = min(max(cosine, 0.0), 1.0)
-    if kind == 0:
+    if kind == MIRROR:
         return 1.0
-    if kind == 1:
+    if kind == CONDUCTOR:
         return _conductor(a, b, c)
-    if kind == 2:
+    if kind == DIELECTRIC:
         return _dielectric(a, c)
     q = 1.0 - c
     q2 = q * q
     q4 = q2 * q2
     approximate = a + (1.0 - a) * q4 * q
-    if kind == 3:
+    if kind == SCHLICK:
         return approximate
     return min(max(approximate - b * c * q4 * q2, 0.0), 1.0)
 
@@ -75,7 +76,7 @@ def multiply(kind, a, b, table, cosine, row):
     A row of the table holds F at the cell's left end, then the step to its right end, for all wavelengths together, so
     that one look-up serves them all.
     """
-    if kind == 0:
+    if kind == MIRROR:
         return
     size = row.size
     cells = table.shape[0] - 1
@@ -88,7 +89,7 @@ def multiply(kind, a, b, table, cosine, row):
             row[w] *= entry[w] + t * entry[size + w]
         return
     c = min(max(cosine, 0.0), 1.0)
-    if kind == 1:
+    if kind == CONDUCTOR:
         for w in range(size):
             row[w] *= _conductor(a[w], b[w], c)
     else:
@@ -118,7 +119,7 @@ def fill_table(kind, a, b, cells):
 @kernel
 def multiply_chain(kind, a, b, table, big_l, first, step, count, row):
     """Multiply a row by F(L sin(first + j step)) for j = 0 .. count - 1: the bounces of one ray in a groove."""
-    if kind == 0:
+    if kind == MIRROR:
         return
     s, c = math.sin(first), math.cos(first)
     ss, cs = math.sin(step), math.cos(step)
@@ -137,7 +138,7 @@ def multiply_long_chain(kind, a, b, table, big_l, low, high, count, row, scratch
     The sum of log F over the bounces is `count` times its mean, taken at 24 midpoints: an Euler-Maclaurin step whose
     error falls like 1/24^2 and acts only on the far tail of the bounce sum.
     """
-    if kind == 0:
+    if kind == MIRROR:
         return
     step = (high - low) / CHAIN_SAMPLES
     for w in range(scratch.size):

@@ -8,7 +8,7 @@ import numpy as np
 
 from brdftab.jit import kernel
 from brdftab.materials import quadrature
-from brdftab.materials.fresnel import Fresnel, metal
+from brdftab.materials.fresnel import CONDUCTOR, MIRROR, Fresnel, metal
 from brdftab.models._shared.fresnel.fresnel import fill_table
 from brdftab.models.resolve import Setup
 
@@ -30,7 +30,7 @@ def arguments(fresnel: Fresnel, tolerance: float) -> tuple[Any, ...]:
     a = np.ascontiguousarray(fresnel.a, dtype=np.float64)
     b = np.ascontiguousarray(fresnel.b, dtype=np.float64)
     table = EXACT
-    if fresnel.kind != 0 and tolerance > 1e-5:
+    if fresnel.kind != MIRROR and tolerance > 1e-5:
         filled, error = fill_table(fresnel.kind, a, b, CELLS)
         if error <= 0.01 * tolerance:
             table = filled
@@ -44,7 +44,7 @@ def thinned(setup: Setup, tolerance: float) -> Fresnel:
     """
     assert setup.fresnel is not None
     name = setup.parameters.get("material")
-    if setup.fresnel.kind != 1 or name is None or {"wavelengths", "spectral_samples"} & setup.parameters.keys():
+    if setup.fresnel.kind != CONDUCTOR or name is None or {"wavelengths", "spectral_samples"} & setup.parameters.keys():
         return setup.fresnel
     for count in quadrature.counts(name):
         if quadrature.rule(name, count).error <= tolerance and count < setup.fresnel.a.size:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from brdftab.jit import kernel
+from brdftab.models._shared.codes import PHONG
 
 # widest panel in log x where the exponent is negative: a factor of 5 in the order
 SPAN = 1.6
@@ -17,7 +18,7 @@ def tail_power(ndf, shape):
     Terms fall like k^-2 (Beckmann faster, GGX exactly), which is smooth in x; Phong's go like x^n or x^(2 n + 1), and
     q (n + 1) is made a whole number. For n < 0 every decade of orders counts.
     """
-    if ndf != 2 or shape >= 1.0:
+    if ndf != PHONG or shape >= 1.0:
         return 1.0
     if shape < 0.0:
         return 0.0

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from brdftab.jit import kernel
 from brdftab.materials.fresnel import mirror
-from brdftab.models._shared.facets.masking import CORRELATED, SEPARABLE
+from brdftab.models._shared.codes import CORRELATED, SEPARABLE
 from brdftab.models._shared.random_walk.exits import walks
 from brdftab.models._shared.random_walk.layout import vectors
 from brdftab.models._shared.random_walk.normals import visible_normal

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.jit import kernel, parallel_kernel
+from brdftab.materials.fresnel import DIELECTRIC
 from brdftab.models._shared.fresnel.fresnel import multiply
 from brdftab.models._shared.fresnel.project import arguments
 from brdftab.models._shared.random_walk.normals import visible_normal
@@ -75,9 +76,9 @@ def _leave_all(
     size = rows.shape[1]
     for n in numba.prange(directions.shape[0]):
         own = (first + n) % size
-        index = fa[own] if kind == 2 else 0.0
+        index = fa[own] if kind == DIELECTRIC else 0.0
         for w in range(size):
-            rows[n, w] = 1.0 if kind != 2 else (float(size) if w == own else 0.0)
+            rows[n, w] = 1.0 if kind != DIELECTRIC else (float(size) if w == own else 0.0)
         x, y, z, k = _leave(
             ndf, alpha_x, alpha_y, light[0], light[1], light[2], index, kind, fa, fb, table, heights, most, seed,
             first + n, rows[n],

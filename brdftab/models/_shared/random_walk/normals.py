@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 from brdftab.jit import kernel
+from brdftab.models._shared.codes import GGX
 from brdftab.models._shared.sampling.sampling import visible_slope
 
 _ROOT_PI = math.sqrt(math.pi)
@@ -77,7 +78,7 @@ def visible_normal(ndf, alpha_x, alpha_y, x, y, z, a, b, c):
     """
     sx, sy = alpha_x * x, alpha_y * y
     flat2 = sx * sx + sy * sy
-    if ndf == 1:
+    if ndf == GGX:
         n = 1.0 / math.sqrt(flat2 + z * z)
         sx, sy, sz = sx * n, sy * n, z * n
         # 1 + sz without cancellation

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.jit import kernel
-from brdftab.models._shared.facets.masking import CORRELATED, SEPARABLE
+from brdftab.models._shared.codes import CORRELATED, SEPARABLE
 from brdftab.models._shared.fresnel.project import arguments, thinned
 from brdftab.models._shared.random_walk import rows
 from brdftab.models._shared.random_walk.estimates import Whole

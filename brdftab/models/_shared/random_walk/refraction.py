@@ -12,7 +12,8 @@ import math
 
 from brdftab.directions import HORIZON
 from brdftab.jit import kernel
-from brdftab.models._shared.facets.masking import SEPARABLE, projected_alpha
+from brdftab.models._shared.codes import GGX, SEPARABLE
+from brdftab.models._shared.facets.masking import projected_alpha
 from brdftab.models._shared.facets.ndf import density, shape_at
 from brdftab.models._shared.single_bounce.single import geometry
 
@@ -121,7 +122,7 @@ def transmitted_vertex(ndf, alpha_x, alpha_y, side, ix, iy, iz, ox, oy, oz, n_i,
 def weight(ndf, alpha, s, c):
     """Return 1/(|c| (1 + Lambda)) of a direction with that sine and cosine (Beckmann 0, GGX 1); finite at c = 0."""
     z, x = abs(c), alpha * s
-    if ndf == 1:
+    if ndf == GGX:
         return 2.0 / (z + math.sqrt(z * z + x * x))
     if z > 26.0 * x:
         return 1.0 / z

@@ -11,6 +11,8 @@ import numba
 import numpy as np
 
 from brdftab.jit import kernel, parallel_kernel
+from brdftab.materials.fresnel import MIRROR
+from brdftab.models._shared.codes import GGX
 from brdftab.models._shared.fresnel.fresnel import multiply
 from brdftab.models._shared.random_walk.terms import facet
 from brdftab.models._shared.random_walk.trace import COLUMNS, FACTOR, HEIGHT, WX, WY, WZ, reflections
@@ -25,7 +27,7 @@ ROW, FIRST, LAST, LOW, HIGH, SLOT = range(6)
 def _send(ndf, alpha_x, alpha_y, heights, vertex, views, value, cosine):
     """Fill in the facet's term D/4 times both segments' for each view (n, 5), and the cosine of incidence."""
     x, y, z, factor, level = vertex[WX], vertex[WY], vertex[WZ], vertex[FACTOR], vertex[HEIGHT]
-    if ndf == 1:
+    if ndf == GGX:
         # `facet` without its branch, so that several views are done at a time
         factor *= 0.25 / (math.pi * alpha_x * alpha_y)
         p, q = 1.0 / (alpha_x * alpha_x), 1.0 / (alpha_y * alpha_y)
@@ -84,7 +86,7 @@ def serve(
             at = min(k, layers - 1)
             layer, part = sums[at], path[min(1 + at, kept)]
             _send(ndf, alpha_x, alpha_y, heights, vertices[k], views, value, cosine)
-            if kind == 0 and size == 1:
+            if kind == MIRROR and size == 1:
                 for j in range(count):
                     value[j] *= throughput[k, 0]
                     path[0, j, 0] += value[j]

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 from brdftab.jit import kernel
+from brdftab.models._shared.codes import GGX
 
 _ROOT_PI = math.sqrt(math.pi)
 
@@ -41,7 +42,7 @@ def segment(ndf, alpha_x, alpha_y, x, y, z):
     """
     t = (alpha_x * x) ** 2 + (alpha_y * y) ** 2
     c = abs(z)
-    if ndf == 1:
+    if ndf == GGX:
         r = c + math.sqrt(c * c + t)
         return 2.0 / r, t / (r * r)
     s = math.sqrt(t)
@@ -64,7 +65,7 @@ def facet(ndf, alpha_x, alpha_y, x, y, z):
         return 0.0
     u, v = x / alpha_x, y / alpha_y
     length2 = x * x + y * y + z * z
-    if ndf == 1:
+    if ndf == GGX:
         q = length2 / (u * u + v * v + z * z)
         return 0.25 / (math.pi * alpha_x * alpha_y) * q * q
     z2 = z * z

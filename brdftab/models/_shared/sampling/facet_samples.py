@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.models._shared.facets.ndf import PHONG
+from brdftab.models._shared.codes import PHONG
 from brdftab.models._shared.sampling.sampling import (
     Array,
     angles,

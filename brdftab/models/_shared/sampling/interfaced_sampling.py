@@ -13,6 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from brdftab.models._shared.codes import GAUSSIAN
 from brdftab.models._shared.facets.flat import mirror_reflectance
 from brdftab.models._shared.fresnel.interface import body_factor, external_reflectance, transmission
 from brdftab.models._shared.sampling.sampling import (
@@ -30,7 +31,6 @@ from brdftab.models._shared.sampling.sampling import (
 )
 from brdftab.models.resolve import Setup
 
-GAUSSIAN = 3
 # interreflections leave in all directions, also from a black body
 MOST_SPECULAR = 0.9
 

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from brdftab.jit import kernel
 from brdftab.materials.fresnel import mirror
+from brdftab.models._shared.codes import BECKMANN, GGX, PHONG
 from brdftab.models._shared.facets import ndf as ndf_piece
 from brdftab.models._shared.facets.masking import projected_alpha, smith_lambda
-from brdftab.models._shared.facets.ndf import BECKMANN, GGX, PHONG
 from brdftab.models.resolve import Setup
 
 Array = NDArray[np.float64]

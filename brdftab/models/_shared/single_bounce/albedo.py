@@ -11,6 +11,7 @@ import numpy as np
 from brdftab.directions import HORIZON
 from brdftab.jit import kernel, parallel_kernel
 from brdftab.materials.fresnel import Fresnel
+from brdftab.models._shared.codes import BECKMANN, PHONG, WALTER
 from brdftab.models._shared.facets.masking import smith_g2, smith_lambda
 from brdftab.models._shared.facets.ndf import density
 from brdftab.models._shared.fresnel.fresnel import reflectance
@@ -44,7 +45,7 @@ def _ring(masking, ndf, alpha, si, ci, sh, ch, cuts, x, w):
         top = math.acos(min(1.0, max(-1.0, limit / (si * sh))))
     elif limit >= 0.0:
         return 0.0
-    walter = masking == 2
+    walter = masking == WALTER
     lambda_i = smith_lambda(ndf, alpha, si / ci, walter)
     total = 0.0
     for p in range(cuts.size - 1):
@@ -62,7 +63,7 @@ def _ring(masking, ndf, alpha, si, ci, sh, ch, cuts, x, w):
 @parallel_kernel
 def _albedo(masking, ndf, alpha, theta, edges, cuts, x, w, out):
     """Fill out (N,) by Gauss panels between edges (N, E) of the half vector's tilt."""
-    shape = 2.0 / (alpha * alpha) - 2.0 if ndf == 2 else alpha
+    shape = 2.0 / (alpha * alpha) - 2.0 if ndf == PHONG else alpha
     for n in numba.prange(theta.size):
         si, ci = math.sin(theta[n]), math.cos(theta[n])
         total = 0.0
@@ -161,9 +162,9 @@ def _pairs(fresnel: Fresnel) -> list[tuple[float, float]]:
 
 def _rule(ndf: int, alpha: float, tolerance: float, divided: bool) -> Rule:
     """Return the rule of a table; `divided`: 1 - E is divided by its average, so that its relative error counts."""
-    if tolerance < LOOSE or (ndf != 0 and alpha < FINEST):
+    if tolerance < LOOSE or (ndf != BECKMANN and alpha < FINEST):
         return EXACT
-    return SMOOTH if alpha > ROUGHEST or (divided and ndf == 0 and alpha < SMOOTHEST) else FEWER
+    return SMOOTH if alpha > ROUGHEST or (divided and ndf == BECKMANN and alpha < SMOOTHEST) else FEWER
 
 
 def missing(setup: Setup, masking: int, theta: Array, tolerance: float = 0.0, divided: bool = True) -> Array:

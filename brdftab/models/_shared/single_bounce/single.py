@@ -9,14 +9,13 @@ import numpy as np
 
 from brdftab.directions import HORIZON
 from brdftab.jit import kernel, parallel_kernel
+from brdftab.models._shared.codes import V_CAVITY, WALTER
 from brdftab.models._shared.facets.frame import pair
 from brdftab.models._shared.facets.masking import projected_alpha, smith_g2, smith_lambda, v_cavity
 from brdftab.models._shared.facets.ndf import density, shape_at
 from brdftab.models._shared.fresnel.fresnel import multiply
 from brdftab.models._shared.fresnel.project import arguments, project
 from brdftab.models.resolve import Setup
-
-V_CAVITY = 10
 
 
 @kernel
@@ -37,12 +36,12 @@ def geometry(masking, ndf, alpha_x, alpha_y, theta_i, theta_o, phi, phi_i):
         sin_a = (hx * sp + hy * cp) / flat
     shape, amp = shape_at(ndf, alpha_x, alpha_y, cos_a, sin_a)
     d = amp * density(ndf, shape, up / full, flat / full)
-    if masking == 10:
+    if masking == V_CAVITY:
         g = v_cavity(up / full, ci, co, i_h)
     else:
         alpha_i = projected_alpha(ndf, alpha_x, alpha_y, math.cos(phi_i), math.sin(phi_i))
         alpha_o = projected_alpha(ndf, alpha_x, alpha_y, math.cos(phi_i + phi), math.sin(phi_i + phi))
-        walter = masking == 2
+        walter = masking == WALTER
         g = smith_g2(masking, smith_lambda(ndf, alpha_i, si / ci, walter), smith_lambda(ndf, alpha_o, so / co, walter))
     return d * g / (4.0 * ci * co), i_h
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from brdftab.directions import HORIZON
 from brdftab.jit import kernel, parallel_kernel
+from brdftab.models._shared.codes import BECKMANN, GGX, V_CAVITY, WALTER
 from brdftab.models._shared.facets.masking import smith_g2, smith_lambda
 from brdftab.models._shared.fresnel.reflectance_fit import Fit, fit
 from brdftab.models._shared.single_bounce.single import evaluate_points
@@ -46,7 +47,7 @@ def _axis(masking, ndf, alpha, theta):
         s, c = math.sin(theta[n]), math.cos(theta[n])
         axis[n, 0], axis[n, 1] = theta[n], s
         axis[n, 2] = c if c > HORIZON else 0.0
-        axis[n, 3] = smith_lambda(ndf, alpha, s / c, masking == 2) if c > HORIZON and masking != 10 else 0.0
+        axis[n, 3] = smith_lambda(ndf, alpha, s / c, masking == WALTER) if c > HORIZON and masking != V_CAVITY else 0.0
     return axis
 
 
@@ -59,7 +60,7 @@ def _pair(masking, scale, lights, i, views, o):
     if ci > 0.0 and co > 0.0:
         slope = 2.0 * lights[i, 1] * views[o, 1] / (up * up)
         u = scale / (4.0 * ci * co)
-        if masking == 10:
+        if masking == V_CAVITY:
             v = scale / (up * max(ci, co))
         else:
             v = math.inf
@@ -103,10 +104,10 @@ def _rows(i, stop, mirrored, model, lights, views, squares, squares64, zones, ph
         row[2], row[3], row[4], row[5], row[6] = first, slope, u, v, pairs[o, 4]
         for j in range(4):
             row[7 + j] = maps[zone, j]
-        if ndf == 1:
+        if ndf == GGX:
             ggx_row(row, squares, weight, x)
         else:
-            if ndf == 0:
+            if ndf == BECKMANN:
                 beckmann_row(shape, first, slope, u, v, squares64, weight, x)
             else:
                 phong_row(shape, first, slope, u, v, squares64, weight, x)

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
+from brdftab.materials.fresnel import MIRROR
 from brdftab.models._shared.twin.fresnel import reflectance
 
 CHAIN_SAMPLES = 24
@@ -81,7 +82,7 @@ def chain(
     kind: int, a: Array, b: Array, big_l: Array, first: Array, step: Array, count: Array, rules: tuple[Array, ...]
 ) -> Array:
     """Return the product over `count` bounces by `rules` = () (every bounce) or (places, weights) of `gram_rules`."""
-    if kind == 0:
+    if kind == MIRROR:
         return jnp.ones_like(first)
     if not rules:
         return multiply_chain(kind, a, b, big_l, first, step, count)
@@ -97,7 +98,7 @@ def chain(
 
 def long_chain(kind: int, a: Array, b: Array, big_l: Array, low: Array, high: Array, count: Array) -> Array:
     """Return the product over `count` >> 1 (real) bounces spread evenly over (low, high); see the Numba twin."""
-    if kind == 0:
+    if kind == MIRROR:
         return jnp.ones_like(low)
     step = (high - low) / CHAIN_SAMPLES
     product = multiply_chain(kind, a, b, big_l, low + 0.5 * step, step, jnp.asarray(CHAIN_SAMPLES))

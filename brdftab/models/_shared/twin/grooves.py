@@ -7,6 +7,7 @@ from collections.abc import Callable
 import jax.numpy as jnp
 from jax import Array
 
+from brdftab.materials.fresnel import MIRROR
 from brdftab.models._shared.twin.frame import Directions, groove_plane, half_vector, lifted
 from brdftab.models._shared.twin.fresnel import reflectance
 from brdftab.models._shared.twin.static import Static
@@ -23,7 +24,7 @@ def groove_value(
     `bounces` is the model's sum over further bounces, p holds the reflectance: a and b, scalars, as its kind needs
     them. At the mirror direction itself only the first order counts, as in the kernel.
     """
-    if static.fresnel == 0:
+    if static.fresnel == MIRROR:
         return shapes[0]
     above, d = lifted(d)
     i_h = half_vector(d)[2]

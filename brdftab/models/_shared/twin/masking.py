@@ -7,6 +7,8 @@ import math
 import jax.numpy as jnp
 from jax.scipy.special import erfc
 
+from brdftab.models._shared.codes import GGX
+
 SEPARABLE, CORRELATED, WALTER = 0, 1, 2
 MASKINGS = {"separable": SEPARABLE, "height-correlated": CORRELATED, "smith-walter": WALTER}
 # 1/x beyond which Lambda is 0: of Walter's fit, and where the exact one is below float64
@@ -33,7 +35,7 @@ def smith_lambda(ndf, alpha, tangent, walter):
         Static; take the rational fit instead of the exact form (not for GGX).
     """
     x = alpha * jnp.abs(tangent)
-    if ndf == 1:
+    if ndf == GGX:
         x2 = x * x
         return 0.5 * x2 / (1.0 + jnp.sqrt(1.0 + x2))
     end = FIT_END if walter else EXACT_END

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import jax.numpy as jnp
 
+from brdftab.models._shared.codes import V_CAVITY
 from brdftab.models._shared.twin.frame import half_vector, lifted
 from brdftab.models._shared.twin.fresnel import reflectance
 from brdftab.models._shared.twin.masking import WALTER, projected_alpha, smith_g2, smith_lambda, v_cavity
 from brdftab.models._shared.twin.ndf import density, shape_at
 
-V_CAVITY = 10
 SHAPE_PARAMS = ("alpha_x", "alpha_y")
 
 

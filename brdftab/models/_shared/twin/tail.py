@@ -9,13 +9,14 @@ from __future__ import annotations
 import jax.numpy as jnp
 from jax import Array, lax
 
+from brdftab.models._shared.codes import PHONG
 from brdftab.models._shared.grooves.tail import SPAN
 
 
 def tail_power(ndf: int, shape: Array) -> Array:
     """Return q of x = low + (high - low) s^q, or 0 for a logarithmic scale, shape of `shape`; without derivative."""
     shape = lax.stop_gradient(shape)
-    if ndf != 2:
+    if ndf != PHONG:
         return jnp.ones_like(shape)
     # the last branch's divisor must not vanish where it is not taken
     n1 = jnp.where(shape < 0.0, 1.0, shape + 1.0)
@@ -33,7 +34,7 @@ def tail_node(
     """Return x and dx/ds at s in (0, 1) of a panel; low and high are positive. Only Phong takes other than one."""
     span = high - low
     plain = low + span * s
-    if ndf != 2:
+    if ndf != PHONG:
         return plain, span
     rate = jnp.log(high / low) / panels
     spread = low * jnp.exp(rate * (number + s))

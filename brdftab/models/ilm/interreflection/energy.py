@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab import models
+from brdftab.models._shared.codes import GAUSSIAN
 from brdftab.models.ilm.interreflection.anisotropic import Cavities
 from brdftab.models.ilm.interreflection.exchange import unit_rule
 from brdftab.models.ilm.interreflection.isotropic import Modes
@@ -126,7 +127,7 @@ def energy_left_out(setup: Setup, theta: Array) -> Array | None:
     theta : ndarray (T,)
         Polar angles of the light at azimuth 0, radians in [0, pi/2).
     """
-    if setup.max_bounces is None or setup.values["masking"] == "smith" or setup.ndf == 3:
+    if setup.max_bounces is None or setup.values["masking"] == "smith" or setup.ndf == GAUSSIAN:
         return None
     free = resolve("ilm", **{**setup.parameters, "bounces": "inf"})
     lost = albedo_of_bodies(free, theta) + albedo_of_mirrors(free, theta)

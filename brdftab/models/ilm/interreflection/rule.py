@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from brdftab.models._shared.codes import GGX
 from brdftab.models._shared.fresnel.interface import body_factor
 from brdftab.models.ilm.interreflection.exchange import exchange, unit_rule
 from brdftab.models.ilm.interreflection.light import recurrence
@@ -65,7 +66,7 @@ def rule(tolerance: float) -> Rule:
 def stretched_rings(ndf: int, count: int) -> tuple[Array, Array]:
     """Return slopes (count,) in units of the roughness, and weights of int D cos(tilt) domega, which add up to 1."""
     x, w = unit_rule(count)
-    if ndf == 1:
+    if ndf == GGX:
         psi = 0.5 * math.pi * x * x * (3.0 - 2.0 * x)
         return np.tan(psi), w * 3.0 * math.pi * x * (1.0 - x) * np.sin(2.0 * psi)
     slope = FARTHEST * x**1.5

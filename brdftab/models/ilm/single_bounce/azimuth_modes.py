@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.jit import kernel, parallel_kernel
+from brdftab.models._shared.codes import BECKMANN, GGX
 from brdftab.models._shared.facets.gaussian import gaussian_norm
 
 Array = NDArray[np.float64]
@@ -50,10 +51,10 @@ def rings(ndf: int, sigma: float, count: int) -> tuple[Array, Array]:
     Gauss-Legendre, crowded where grazing directions have their kinks (flat facets) and where GGX ends (steep ones).
     """
     t, w = gauss(count)
-    if ndf == 0:
+    if ndf == BECKMANN:
         r = FAR * t * t
         return sigma * r, w * 4.0 * FAR * t * r * np.exp(-r * r)
-    if ndf == 1:
+    if ndf == GGX:
         angle = 0.5 * math.pi * t * t * (3.0 - 2.0 * t)
         return sigma * np.tan(angle), w * 3.0 * math.pi * t * (1.0 - t) * np.sin(2.0 * angle)
     high = min(0.5 * math.pi, math.sqrt(2.0) * FAR * sigma)

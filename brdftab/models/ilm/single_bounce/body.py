@@ -15,6 +15,7 @@ import math
 import numpy as np
 
 from brdftab.jit import kernel
+from brdftab.models._shared.codes import BECKMANN, GAUSSIAN, GGX
 from brdftab.models._shared.fresnel.interface import grazing_scale, transmission
 from brdftab.models.ilm.single_bounce.kink_lines import (
     MOST_LINES,
@@ -97,37 +98,37 @@ def ring(r, kx, ky, n, ix, iy, iz, ox, oy, oz, cavity, lines, count, gauss, cuts
 @kernel
 def _scaled(ndf, r):
     """Return the radial variable of a stretched radius: r (Beckmann), else atan r."""
-    return r if ndf == 0 else math.atan(r)
+    return r if ndf == BECKMANN else math.atan(r)
 
 
 @kernel
 def _marks(ndf, sx, sy, n, high, steep, tolerance, z, count):
     """Append the radii at which density and m_z change their scale; returns the new count."""
     wide = max(sx, sy)
-    if ndf != 0:
+    if ndf != BECKMANN:
         # slopes are the tangents of the radial variable
         z[count] = 0.25 * PI
         count += 1
-    if ndf == 3:
+    if ndf == GAUSSIAN:
         z[count] = math.atan(3.0)
         count += 1
-    if ndf != 1:
-        unit = 1.0 if ndf == 0 else math.sqrt(2.0) * sx
+    if ndf != GGX:
+        unit = 1.0 if ndf == BECKMANN else math.sqrt(2.0) * sx
         for k in range(3):
             z[count + k] = unit * (1.3 if k == 0 else (2.6 if k == 1 else 4.2))
         count += 3
     # m_z = (1 + (sigma r)^2)^(-1/2)
-    if ndf != 3 and max(wide, steep) ** 2 > 0.01 * tolerance:
+    if ndf != GAUSSIAN and max(wide, steep) ** 2 > 0.01 * tolerance:
         for k in range(4):
             r = 0.4 * 2.5**k / wide
-            if ndf == 1 or r < high:
+            if ndf == GGX or r < high:
                 z[count] = _scaled(ndf, r)
                 count += 1
     # facets so steep that they are seen at grazing angles from everywhere
     level = grazing_scale(n)
     while level < SOFT_TOP:
-        r = 1.0 / (level * (1.0 if ndf == 3 else wide))
-        if ndf != 0 or r < high:
+        r = 1.0 / (level * (1.0 if ndf == GAUSSIAN else wide))
+        if ndf != BECKMANN or r < high:
             z[count] = _scaled(ndf, r)
             count += 1
         level *= 4.0
@@ -147,7 +148,7 @@ def _graded(ndf, high, z, count):
                     count += 1
         # towards slopes that grow without bound
         low, top = 0.5 * PI - top, 0.5 * PI - low
-        if ndf != 0 and low > 1e-12 and top > RATIO * low:
+        if ndf != BECKMANN and low > 1e-12 and top > RATIO * low:
             steps = int(math.log(top / low) / LOG_STEP)
             for j in range(1, steps + 1):
                 if count < z.size:
@@ -160,9 +161,9 @@ def _graded(ndf, high, z, count):
 @kernel
 def _density(ndf, sx, z):
     """Return the density of the radial variable z, int dz over all of it and 2 pi = 1 (Gaussian: up to sin(z)/z)."""
-    if ndf == 0:
+    if ndf == BECKMANN:
         return z * math.exp(-z * z) / PI
-    if ndf == 1:
+    if ndf == GGX:
         return math.sin(z) * math.cos(z) / PI
     v = z / sx
     return v * math.exp(-0.5 * v * v) / (2.0 * PI * sx)
@@ -171,9 +172,9 @@ def _density(ndf, sx, z):
 @kernel
 def _share(ndf, sx, low, top):
     """Return the integral of `_density` over [low, top], without cancellation."""
-    if ndf == 1:
+    if ndf == GGX:
         return math.sin(top - low) * math.sin(top + low) / (2.0 * PI)
-    scale = 1.0 if ndf == 0 else math.sqrt(0.5) / sx
+    scale = 1.0 if ndf == BECKMANN else math.sqrt(0.5) / sx
     low, top = scale * low, scale * top
     return -math.exp(-low * low) * math.expm1((low - top) * (low + top)) / (2.0 * PI)
 
@@ -201,7 +202,7 @@ def split_integral(ndf, cavity, sx, sy, norm, n, ix, iy, iz, ox, oy, oz, gauss, 
     tolerance : float
         Relative error asked: facets that cannot matter to it are left out.
     """
-    kx, ky = (1.0, 1.0) if ndf == 3 else (sx, sy)
+    kx, ky = (1.0, 1.0) if ndf == GAUSSIAN else (sx, sy)
     lines, cuts = np.empty((MOST_LINES, 4)), np.empty(2 * MOST_LINES + 1)
     z = np.empty(MOST_RADII)
     hard = hard_lines(kx * ix, ky * iy, kx * ox, ky * oy, cavity, lines)
@@ -221,7 +222,7 @@ def split_integral(ndf, cavity, sx, sy, norm, n, ix, iy, iz, ox, oy, oz, gauss, 
             z[kept] = _scaled(ndf, z[k])
             kept += 1
     far = math.sqrt(-math.log(min(1e-3 * tolerance, 1e-4)))
-    high = far if ndf == 0 else (0.5 * PI if ndf == 1 else min(0.5 * PI, math.sqrt(2.0) * far * sx))
+    high = far if ndf == BECKMANN else (0.5 * PI if ndf == GGX else min(0.5 * PI, math.sqrt(2.0) * far * sx))
     found = _marks(ndf, sx, sy, n, high, steep, tolerance, z, kept)
     z[found], z[found + 1] = 0.0, high
     found += 2
@@ -241,9 +242,9 @@ def split_integral(ndf, cavity, sx, sy, norm, n, ix, iy, iz, ox, oy, oz, gauss, 
             weight = gauss[1, j] * width * 6.0 * t * (1.0 - t) * _density(ndf, sx, at)
             mass += weight
             r = at
-            if ndf != 0:
+            if ndf != BECKMANN:
                 r = math.tan(at)
-            if ndf == 3:
+            if ndf == GAUSSIAN:
                 weight *= norm * math.sin(at) / at
             part += weight * ring(r, kx, ky, n, ix, iy, iz, ox, oy, oz, cavity, lines, count, gauss, cuts)
         # the share of facets in a panel is known: few nodes need not find it
@@ -263,7 +264,7 @@ def plain_integral(ndf, cavity, sx, sy, norm, n, ix, iy, iz, ox, oy, oz, laguerr
         r = math.sqrt(laguerre[0, k])
         weight = laguerre[1, k] / steps
         x, y = sx * r, sy * r
-        if ndf == 3:
+        if ndf == GAUSSIAN:
             t = math.sqrt(2.0) * sx * r
             if t >= 0.5 * PI:
                 continue

@@ -8,6 +8,7 @@ import numba
 import numpy as np
 
 from brdftab.jit import kernel, parallel_kernel
+from brdftab.models._shared.codes import GAUSSIAN, SEPARABLE, V_CAVITY
 from brdftab.models._shared.facets.gaussian import gaussian_density
 from brdftab.models._shared.facets.masking import smith_lambda, v_cavity
 from brdftab.models._shared.facets.ndf import density
@@ -27,8 +28,8 @@ def specular(surface, angles, half, sine):
     flat = math.sqrt(x * x + y * y)
     full = math.sqrt(flat * flat + up * up)
     c, s, i_h = up / full, flat / full, 0.5 * full
-    d = gaussian_density(sigma, norm, c, s) if ndf == 3 else density(ndf, sigma, c, s)
-    if masking == 10:
+    d = gaussian_density(sigma, norm, c, s) if ndf == GAUSSIAN else density(ndf, sigma, c, s)
+    if masking == V_CAVITY:
         g = v_cavity(c, ci, co, i_h)
     return d * g / (4.0 * ci * co), i_h
 
@@ -97,7 +98,9 @@ def exact(cells, phi, lights, views, nodes, surface, bodies):
         a, b = lights[i, 1] / ci, views[o, 1] / co
         x, y = b * math.cos(phi[p]), b * math.sin(phi[p])
         # a tighter tolerance keeps the far facets of GGX, which grazing cells of smooth surfaces are made of
-        body = split_integral(ndf, masking == 10, sigma, sigma, norm, n, a, 0.0, ci, x, y, co, nodes, 0.02 * surface[8])
+        body = split_integral(
+            ndf, masking == V_CAVITY, sigma, sigma, norm, n, a, 0.0, ci, x, y, co, nodes, 0.02 * surface[8]
+        )
         bodies[m] = math.pi * lights[i, 3] * views[o, 3] * body
 
 
@@ -116,6 +119,6 @@ def axis(masking, ndf, sigma, theta):
     axis = np.ones((theta.size, 4))
     for k in range(theta.size):
         axis[k, 0], axis[k, 1], axis[k, 2] = theta[k], math.sin(theta[k]), math.cos(theta[k])
-        if masking == 0:
+        if masking == SEPARABLE:
             axis[k, 3] = 1.0 / (1.0 + smith_lambda(ndf, sigma, axis[k, 1] / axis[k, 2], False))
     return axis

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 
 from brdftab.jit import kernel
+from brdftab.models._shared.codes import GGX
 from brdftab.models._shared.fresnel.interface import grazing_scale
 
 MOST_LINES = 64
@@ -93,7 +94,7 @@ def crossing(line, r, kx, ky, side):
 def axis_lines(ndf, sx, sy, lines, count):
     """Append lines along the axis of the narrow side of anisotropic facets, where m_z turns fast; returns the count."""
     wide, narrow = max(sx, sy), min(sx, sy)
-    if wide < 1.2 * narrow or (ndf != 1 and wide < 0.1):
+    if wide < 1.2 * narrow or (ndf != GGX and wide < 0.1):
         return count
     normal = 0.5 * math.pi if sy > sx else 0.0
     count = _add(lines, count, normal, 0.0, 0.0, 0.0)

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from brdftab.models._shared.codes import GGX
 from brdftab.models.ilm.single_bounce.azimuth_modes import azimuth_basis, block, modes
 from brdftab.models.ilm.single_bounce.masking_corrections import add_wedges, wedge_rule
 
@@ -49,7 +50,7 @@ class Bodies:
         self._modes = modes(ndf, sigma, n, cavity, theta_i, theta_o, sizes[:2])
         self._basis = azimuth_basis(phi, sizes[1])
         # the share of GGX facets beyond a stretched slope d is 1/d^2
-        reach = 100.0 / tolerance if ndf == 1 else 10.0 - math.log(tolerance)
+        reach = 100.0 / tolerance if ndf == GGX else 10.0 - math.log(tolerance)
         self._rule = wedge_rule(ndf, sigma, reach, *sizes[2:]) if cavity else None
         nearest = min(float(np.cos(axis).min()) for axis in (theta_i, theta_o))
         single = tolerance >= SINGLE_TOLERANCE and nearest >= SINGLE_COSINE

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.jit import kernel, parallel_kernel
+from brdftab.models._shared.codes import BECKMANN, GAUSSIAN, GGX
 from brdftab.models._shared.facets.gaussian import gaussian_norm
 from brdftab.models._shared.single_bounce.single_rows import exponential
 from brdftab.models.ilm.single_bounce.azimuth_modes import gauss
@@ -38,12 +39,12 @@ def wedge_rule(ndf: int, sigma: float, reach: float, radii: int, angles: int) ->
     the squared tilt, in units of 2 sigma^2.
     """
     x, w = gauss(radii)
-    if ndf == 1:
+    if ndf == GGX:
         # m_z turns at r = 1/sigma, near the end
         power = 1.5 if sigma < 0.3 else 1.0
         angle = HALF_PI * (1.0 - (1.0 - x) ** power)
         radial = np.stack([np.tan(angle) ** 2, HALF_PI * w * power * (1.0 - x) ** (power - 1.0) * np.sin(2.0 * angle)])
-    elif ndf == 0:
+    elif ndf == BECKMANN:
         v = reach * x * x
         radial = np.stack([v, 2.0 * reach * w * x * np.exp(-v)])
     else:
@@ -83,9 +84,9 @@ def _limits(ndf, sigma, reach, di, do, cos_phi, sin_phi):
     """Return the range of pi/2 - psi in which the wedge holds facets; empty (0, 0) where there are none."""
     high = math.atan2(di * max(sin_phi, 1e-300), do - di * cos_phi)
     nearest = di / (1.0 if high >= HALF_PI else math.sin(high))
-    if ndf == 1:
+    if ndf == GGX:
         return 0.0, high if nearest * nearest <= reach else 0.0
-    if ndf == 0:
+    if ndf == BECKMANN:
         if nearest * nearest > reach:
             return 0.0, 0.0
         farthest = math.sqrt(nearest * nearest + reach)
@@ -110,9 +111,9 @@ def _angle_row(ndf, x, weight, di, do, start, span, cosine, sine, r0, growth, sh
         near2 = near * near
         r0[a] = near
         view[a] = (c * cosine[a] - s * sine[a]) / do
-        growth[a] = 1.0 + near2 if ndf == 1 else 1.0
+        growth[a] = 1.0 + near2 if ndf == GGX else 1.0
         e = exponential(-min(near2, 700.0))
-        scale = 1.0 / (1.0 + near2) if ndf == 1 else (e if ndf == 0 else 1.0)
+        scale = 1.0 / (1.0 + near2) if ndf == GGX else (e if ndf == BECKMANN else 1.0)
         share[a] = weight * span[a] * scale
 
 
@@ -185,7 +186,7 @@ def _wedge(ndf, sigma, q, rule, di, do, ci, co, cos_phi, sin_phi, lanes, work, o
         _angle_row(ndf, angular[0, j], angular[1, j], di, do, start, span, cosine, sine, r0, growth, share, view)
         for k in range(radial.shape[1]):
             row[2], row[3] = radial[0, k], 4.0 * radial[1, k]
-            if ndf == 3:
+            if ndf == GAUSSIAN:
                 _tilt_row(radial[0, k], radial[1, k], sigma, reach, q, ci, co, r0, share, view, total)
             else:
                 _radius_row(row, r0, growth, share, view, total)
@@ -200,7 +201,7 @@ def add_wedges(ndf, sigma, q, rule, kind, theta_i, theta_o, cos_phi, sin_phi, fi
     The arithmetic has the type of the array `kind`.
     """
     rows, columns, steps = out.shape
-    unit = sigma if ndf != 3 else 1.0
+    unit = sigma if ndf != GAUSSIAN else 1.0
     for index in numba.prange(rows * columns):
         i, o = index // columns, index % columns
         if triangle and o > first + i:
@@ -208,7 +209,7 @@ def add_wedges(ndf, sigma, q, rule, kind, theta_i, theta_o, cos_phi, sin_phi, fi
         ti, to = theta_i[first + i], theta_o[o]
         di, do = 1.0 / (unit * max(math.tan(ti), 1e-100)), 1.0 / (unit * max(math.tan(to), 1e-100))
         # all of both wedges is farther out than d_i and d_o
-        if ndf != 3 and max(di, do) ** 2 > rule[2]:
+        if ndf != GAUSSIAN and max(di, do) ** 2 > rule[2]:
             continue
         lanes, work = np.empty((5, steps)), np.empty((6, max(steps, 9)), kind.dtype)
         ci, co = math.cos(ti), math.cos(to)

@@ -13,12 +13,13 @@ import numpy as np
 
 from brdftab.directions import HORIZON
 from brdftab.jit import kernel, parallel_kernel
+from brdftab.models._shared.codes import GAUSSIAN, SEPARABLE, V_CAVITY
 from brdftab.models._shared.facets.frame import pair
 from brdftab.models._shared.facets.gaussian import gaussian_density, gaussian_norm
-from brdftab.models._shared.facets.masking import SEPARABLE, projected_alpha, smith_lambda, v_cavity
+from brdftab.models._shared.facets.masking import projected_alpha, smith_lambda, v_cavity
 from brdftab.models._shared.fresnel.fresnel import reflectance
 from brdftab.models._shared.fresnel.interface import body_factor, transmission
-from brdftab.models._shared.single_bounce.single import V_CAVITY, geometry
+from brdftab.models._shared.single_bounce.single import geometry
 from brdftab.models.ilm.single_bounce.rule_choice import body_integral
 from brdftab.models.resolve import Setup
 
@@ -26,7 +27,7 @@ from brdftab.models.resolve import Setup
 @kernel
 def masked(masking, ndf, ax, ay, si, ci, so, co, phi, phi_i):
     """Return Smith's G1 G1 of both directions, 1 with V-cavities."""
-    if masking == 10:
+    if masking == V_CAVITY:
         return 1.0
     ai = projected_alpha(ndf, ax, ay, math.cos(phi_i), math.sin(phi_i))
     ao = projected_alpha(ndf, ax, ay, math.cos(phi_i + phi), math.sin(phi_i + phi))
@@ -36,7 +37,7 @@ def masked(masking, ndf, ax, ay, si, ci, so, co, phi, phi_i):
 @kernel
 def front(masking, ndf, ax, ay, norm, theta_i, theta_o, phi, phi_i):
     """Return D G/(4 i_z o_z) in 1/sr and i.h of facets that are not flat."""
-    if ndf != 3:
+    if ndf != GAUSSIAN:
         return geometry(masking, ndf, ax, ay, theta_i, theta_o, phi, phi_i)
     _, ci, _, co, hx, hy, _ = pair(theta_i, theta_o, phi)
     up, flat = ci + co, math.hypot(hx, hy)
@@ -48,7 +49,7 @@ def front(masking, ndf, ax, ay, norm, theta_i, theta_o, phi, phi_i):
 @parallel_kernel
 def _specular(theta_i, theta_o, phi, phi_i, masking, ndf, ax, ay, indices, out):
     """Fill out (N, K) with the single-bounce specular part for K distinct indices of refraction."""
-    norm = gaussian_norm(ax) if ndf == 3 and ax > 0.0 else 1.0
+    norm = gaussian_norm(ax) if ndf == GAUSSIAN and ax > 0.0 else 1.0
     for k in numba.prange(theta_i.size):
         value, i_h = 0.0, 1.0
         if ax > 0.0 and min(math.cos(theta_i[k]), math.cos(theta_o[k])) > HORIZON:
@@ -71,8 +72,8 @@ def specular(setup: Setup, theta_i: np.ndarray, theta_o: np.ndarray, phi: np.nda
 @parallel_kernel
 def _points(theta_i, theta_o, phi, phi_i, masking, ndf, ax, ay, indices, tolerance, out):
     """Fill out (3, N, K) for K distinct indices of refraction: specular part, body integral, its relative error."""
-    norm = gaussian_norm(ax) if ndf == 3 and ax > 0.0 else 1.0
-    cavity = masking == 10
+    norm = gaussian_norm(ax) if ndf == GAUSSIAN and ax > 0.0 else 1.0
+    cavity = masking == V_CAVITY
     for k in numba.prange(theta_i.size):
         ti, to, dp, az = theta_i[k], theta_o[k], phi[k], phi_i[k]
         if to > ti:

@@ -18,6 +18,7 @@ import math
 import numpy as np
 
 from brdftab.jit import kernel
+from brdftab.models._shared.codes import GAUSSIAN, GGX
 from brdftab.models.ilm.single_bounce.body import plain_integral, split_integral
 from brdftab.quadrature import unit_gauss
 
@@ -49,7 +50,7 @@ _LAGUERRE, _LAGUERRE_AT = _packed([np.stack(np.polynomial.laguerre.laggauss(k)) 
 @kernel
 def plain_choice(ndf, slope, tolerance):
     """Return the number of the cheapest plain rule for stretched slopes up to `slope` and its error; -1 if none."""
-    if ndf != 1:
+    if ndf != GGX:
         for k in range(PLAIN.shape[0]):
             if slope <= PLAIN[k, 1] and PLAIN[k, 2] <= max(tolerance, ROUNDING):
                 return int(PLAIN[k, 0]), PLAIN[k, 2]
@@ -82,7 +83,7 @@ def _split(level, ndf, cavity, sx, sy, norm, n, ix, iy, iz, ox, oy, oz, toleranc
 @kernel
 def body_integral(ndf, cavity, sx, sy, norm, n, ix, iy, iz, ox, oy, oz, tolerance):
     """Return I (1/sr), unmasked with Smith, and its estimated relative error; arguments as in `split_integral`."""
-    unit = math.sqrt(2.0) if ndf == 3 else 1.0
+    unit = math.sqrt(2.0) if ndf == GAUSSIAN else 1.0
     slope = unit * max(max(sx, sy), math.hypot(sx * ix, sy * iy), math.hypot(sx * ox, sy * oy))
     rule, error = plain_choice(ndf, slope, tolerance)
     if rule >= 0:

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from brdftab import models
 from brdftab.directions import HORIZON
+from brdftab.models._shared.codes import GAUSSIAN, SEPARABLE, V_CAVITY
 from brdftab.models._shared.facets.gaussian import gaussian_norm
 from brdftab.models._shared.fresnel.interface import body_factor, transmission
-from brdftab.models._shared.single_bounce.single import V_CAVITY
 from brdftab.models.ilm.interreflection.table import prepare_cavity
 from brdftab.models.ilm.single_bounce.azimuth_modes import gauss
 from brdftab.models.ilm.single_bounce.cells import axis, exact, rewrite, write
@@ -82,7 +82,7 @@ class Prepared:
         self._setup, self._tolerance = setup, tolerance
         self.mended = 0
         self.masking = 0 if setup.values["masking"] == "smith" else V_CAVITY
-        levels: Any = SMITH_LEVELS if self.masking == 0 else CAVITY_LEVELS
+        levels: Any = SMITH_LEVELS if self.masking == SEPARABLE else CAVITY_LEVELS
         self._level = next(sizes for least, *sizes in levels if tolerance >= least)
         count = len(setup.channels)
         kd = np.broadcast_to(setup.values["kd"], count)
@@ -126,7 +126,7 @@ class Prepared:
     ) -> None:
         """Fill the channels of one index, block by block of lights."""
         ndf, sigma = self._setup.ndf, self._setup.alpha_x
-        norm = gaussian_norm(sigma) if ndf == 3 else 1.0
+        norm = gaussian_norm(sigma) if ndf == GAUSSIAN else 1.0
         kappa = self.kappa[channels] / math.pi
         waves = np.cos(0.5 * phi), np.sin(phi)
         surface = (self.masking, ndf, sigma, norm, n, *waves, kappa, 0.5 * self._tolerance)

@@ -7,6 +7,8 @@ from functools import cache
 
 import numpy as np
 
+from brdftab.models._shared.codes import GGX
+
 # radial nodes and azimuths, by the relative error asked
 COUNTS = ((1e-2, 3, 8), (1e-3, 8, 16), (1e-4, 16, 32), (1e-5, 32, 64), (0.0, 64, 128))
 GGX_COUNTS = ((1e-2, 6, 12), (1e-3, 12, 24), (1e-4, 24, 48), (1e-5, 48, 96), (0.0, 96, 192))
@@ -22,8 +24,8 @@ def radial_nodes(ndf: int, tolerance: float) -> tuple[np.ndarray, int]:
     Beckmann (and the Gaussian, whose tilt is sqrt(2) sigma times the radius): Gauss-Laguerre in the squared radius.
     GGX: Gauss-Legendre in the arc tangent of the radius. Weights sum to 1.
     """
-    count, steps = next((k, m) for least, k, m in (GGX_COUNTS if ndf == 1 else COUNTS) if tolerance >= least)
-    if ndf == 1:
+    count, steps = next((k, m) for least, k, m in (GGX_COUNTS if ndf == GGX else COUNTS) if tolerance >= least)
+    if ndf == GGX:
         x, w = np.polynomial.legendre.leggauss(count)
         angle = 0.25 * math.pi * (1.0 + x)
         weight = w * np.sin(2.0 * angle)

@@ -9,8 +9,8 @@ import numpy as np
 
 from brdftab.directions import HORIZON
 from brdftab.jit import kernel, parallel_kernel
+from brdftab.models._shared.codes import GAUSSIAN, SEPARABLE
 from brdftab.models._shared.facets.gaussian import gaussian_norm
-from brdftab.models._shared.facets.masking import SEPARABLE
 from brdftab.models._shared.fresnel.interface import body_factor
 from brdftab.models.ilm.single_bounce.body import integrand
 from brdftab.models.ilm.single_bounce.points import masked, specular
@@ -21,7 +21,7 @@ from brdftab.models.resolve import Setup
 @parallel_kernel
 def _bodies(theta_i, theta_o, phi, phi_i, cavity, ndf, ax, ay, n, nodes, out):
     """Fill out (N,) with I (1/sr), unmasked with Smith, of nodes (radius, cosine, sine, weight)."""
-    norm = gaussian_norm(ax) if ndf == 3 and ax > 0.0 else 1.0
+    norm = gaussian_norm(ax) if ndf == GAUSSIAN and ax > 0.0 else 1.0
     radius, cosine, sine, weight = nodes
     for k in numba.prange(theta_i.size):
         out[k] = 0.0
@@ -34,7 +34,7 @@ def _bodies(theta_i, theta_o, phi, phi_i, cavity, ndf, ax, ay, n, nodes, out):
         total = 0.0
         for q in range(radius.size):
             w, x, y = weight[q], ax * radius[q], ay * radius[q]
-            if ndf == 3 and ax > 0.0:
+            if ndf == GAUSSIAN and ax > 0.0:
                 tilt = math.sqrt(2.0) * ax * radius[q]
                 if tilt >= 0.5 * math.pi:
                     continue

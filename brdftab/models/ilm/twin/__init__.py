@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from brdftab.errors import ParameterError
+from brdftab.models._shared.codes import GAUSSIAN
 from brdftab.models._shared.twin.frame import half_vector, lifted
 from brdftab.models._shared.twin.fresnel import reflectance
 from brdftab.models._shared.twin.gaussian import gaussian_density, gaussian_norm
@@ -22,7 +23,6 @@ from brdftab.models.ilm.single_bounce.twin_nodes import MOST_NODES, polar_nodes
 from brdftab.models.ilm.twin.body import integral
 
 SHAPE_PARAMS = ("alpha_x", "alpha_y", "a")
-_GAUSSIAN = 3
 
 
 def shapes(static, p, d):
@@ -51,7 +51,7 @@ def shapes(static, p, d):
             for c, s, t in ((d.cos_i, d.sin_i, d.si / d.ci), (d.cos_o, d.sin_o, d.so / d.co))
         ]
         masking = both = jnp.where(rough, smith_g2(0, *lambdas), 1.0)
-    if static.ndf == _GAUSSIAN:
+    if static.ndf == GAUSSIAN:
         facets = gaussian_density(ax, gaussian_norm(ax), cos_h, sin_h)
     else:
         shape, amp = shape_at(static.ndf, static.isotropic, ax, ay, cos_a, sin_a)
@@ -88,7 +88,7 @@ def _slopes(static, stretch, p):
         radius, cos, sin, weight = (p[f"node_{name}"] for name in ("radius", "cos", "sin", "weight"))
     else:
         radius, cos, sin, weight = (jnp.asarray(v) for v in polar_nodes(static.ndf, static.tolerance))
-    if static.ndf != _GAUSSIAN:
+    if static.ndf != GAUSSIAN:
         return radius * cos, radius * sin, weight
     tilt = math.sqrt(2.0) * stretch[0] * radius
     inside = tilt < 0.5 * math.pi
@@ -110,4 +110,4 @@ def _body(static, cavity, stretch, p, d):
     nodes = tuple(jnp.asarray(v).astype(kind) for v in _slopes(static, stretch, p))
     scales = (jnp.asarray(v).astype(kind) for v in (*stretch, p["a"]))
     count = p.get("node_count", float(nodes[0].shape[0]))
-    return integral(cavity, static.ndf == _GAUSSIAN, *scales, nodes, geometry, count).astype(jnp.float64)
+    return integral(cavity, static.ndf == GAUSSIAN, *scales, nodes, geometry, count).astype(jnp.float64)

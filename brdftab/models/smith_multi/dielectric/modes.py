@@ -17,6 +17,7 @@ import numba
 import numpy as np
 
 from brdftab.jit import kernel, parallel_kernel
+from brdftab.models._shared.codes import BECKMANN, GGX
 from brdftab.models._shared.random_walk.refraction import fresnel, transmittance
 
 ABOVE, BELOW, THROUGH = 0, 1, 2
@@ -32,9 +33,9 @@ FADE = 36.0
 def amplitude(kind, x, n):
     """Return A(X) of reflection above, reflection below or refraction; 0 where X is out of its reach."""
     r = math.sqrt(x)
-    if kind == 0:
+    if kind == ABOVE:
         return 0.25 * fresnel(0.5 * r, n)
-    if kind == 1:
+    if kind == BELOW:
         return 0.25 * fresnel(0.5 * r / n, 1.0 / n)
     q = (n - 1.0) * (n + 1.0)
     # n cos_t - cos_i = sqrt X and n cos_t + cos_i = q/sqrt X
@@ -45,8 +46,8 @@ def amplitude(kind, x, n):
 @kernel
 def pair(kind, p, s, q, sq):
     """Return dp (positive where light scatters so), ds and s s' of two states."""
-    dp = q - p if kind == 0 else p - q
-    ds = (p - q) * (p + q) / (s + sq + 1e-300) if kind < 2 else sq - s
+    dp = q - p if kind == ABOVE else p - q
+    ds = (p - q) * (p + q) / (s + sq + 1e-300) if kind < THROUGH else sq - s
     return dp, ds, s * sq
 
 
@@ -54,7 +55,7 @@ def pair(kind, p, s, q, sq):
 def largest(ndf, alpha, dp, ds, ss, reach):
     """Return the azimuth width of the lobe between two states and the mode at which it has decayed by exp(-reach)."""
     a2 = alpha * alpha
-    if ndf == 1:
+    if ndf == GGX:
         w = math.sqrt((ds * ds + a2 * dp * dp) / (ss + 1e-300))
         return w, reach / (2.0 * math.asinh(0.5 * w))
     w = alpha * abs(dp) / math.sqrt(ss + 1e-300)
@@ -88,7 +89,7 @@ def pole(kind, alpha, n, dp, ds, ss):
 @kernel
 def _is_closed(kind, alpha, dp, ds):
     """Tell whether the line serves: at X below its reach the amplitude of refraction rises without end."""
-    return kind < 2 or ds * ds + alpha * alpha * dp * dp < NARROW * (dp * dp + ds * ds)
+    return kind < THROUGH or ds * ds + alpha * alpha * dp * dp < NARROW * (dp * dp + ds * ds)
 
 
 @kernel
@@ -96,16 +97,16 @@ def _range(kind, ndf, alpha, n, dp, ds, ss, cut):
     """Return the end of the azimuths that count (0: none) and where total reflection begins or ends (-1: nowhere)."""
     base = dp * dp + ds * ds
     end, edge = math.pi, -1.0
-    if kind == 2 and base >= (n - 1.0) * (n + 1.0):
+    if kind == THROUGH and base >= (n - 1.0) * (n + 1.0):
         return 0.0, edge
-    if ndf == 0:
+    if ndf == BECKMANN:
         if dp == 0.0 or ds * ds > cut * alpha * alpha * dp * dp:
             return 0.0, edge
         y = cut * alpha * alpha * dp * dp / (4.0 * ss + 1e-300)
         if y < 1.0:
             end = 2.0 * math.asin(math.sqrt(y))
-    if kind > 0:
-        y = ((4.0 if kind == 1 else 1.0) * (n - 1.0) * (n + 1.0) - base) / (4.0 * ss + 1e-300)
+    if kind > ABOVE:
+        y = ((4.0 if kind == BELOW else 1.0) * (n - 1.0) * (n + 1.0) - base) / (4.0 * ss + 1e-300)
         if 0.0 < y < 1.0:
             edge = 2.0 * math.asin(math.sqrt(y))
     if edge >= end:
@@ -145,11 +146,11 @@ def _nodes(kind, surface, dp, ds, ss, line, bounds, steps, gauss, sine, value):
             if x <= 0.0:
                 continue
             d = a2 / math.pi
-            if ndf == 1 and dp > 0.0:
+            if ndf == GGX and dp > 0.0:
                 over = ds * ds + a2 * dp * dp + rise
                 r = x / over
                 v = (amplitude(kind, x, n) - line[0] - line[1] * over) * d * r * r
-            elif ndf == 1:
+            elif ndf == GGX:
                 v = amplitude(kind, x, n) * d
             else:
                 r = x / (a2 * dp * dp)
@@ -205,7 +206,7 @@ def _fill_row(kind, surface, dp, ds, ss, start, modes, reach, gauss, sine, value
     if stop <= start:
         return False
     line = 0.0, 0.0
-    closed = ndf == 1 and dp > 0.0 and _is_closed(kind, alpha, dp, ds)
+    closed = ndf == GGX and dp > 0.0 and _is_closed(kind, alpha, dp, ds)
     if closed:
         at, slope, eta, one, two, flat, first_mode = pole(kind, alpha, n, dp, ds, ss)
         line = at, slope
@@ -213,7 +214,7 @@ def _fill_row(kind, surface, dp, ds, ss, start, modes, reach, gauss, sine, value
     steps = (max(1.5 * w, 1e-9) if dp > 0.0 else 1.0), 1.5 * size / stop
     used = _nodes(kind, surface, dp, ds, ss, line, bounds, steps, gauss, sine, value)
     _sum_modes(used, sine, value, start, stop, scratch, row)
-    if ndf == 1 and bounds[1] >= 0.0:
+    if ndf == GGX and bounds[1] >= 0.0:
         # the modes of an edge are let fade, as ending them at once would ripple far from it
         for m in range(start, stop):
             row[m - start] *= math.exp(-FADE * (m / modes) ** 16)
@@ -263,7 +264,7 @@ def integrate(kind, surface, p, s, panel, q, sq, panel_q, factors, start, count,
             if dp < 0.0 or (dp == 0.0 and not same):
                 continue
             if _fill_row(kind, surface, dp, ds, ss, start, modes, reach, gauss, sine, value, scratch, row):
-                f = factors[0 if kind == 0 else 1, a % per, b % per] if same else 1.0
+                f = factors[0 if kind == ABOVE else 1, a % per, b % per] if same else 1.0
                 for m in range(count):
                     out[m, a, b] = f * row[m]
                     if square:
@@ -290,7 +291,7 @@ def lobes(kind, surface, p, s, q, sq, orders, reach, gauss, out):
             bounds = _range(kind, ndf, alpha, n, dp, ds, ss, 2.0 * reach)
             if most < orders[0] or bounds[0] <= 0.0:
                 continue
-            if ndf == 1:
+            if ndf == GGX:
                 if not _is_closed(kind, alpha, dp, ds):
                     continue
                 _, _, eta, one, two, _, _ = pole(kind, alpha, n, dp, ds, ss)

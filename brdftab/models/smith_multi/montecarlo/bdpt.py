@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.jit import kernel, parallel_kernel
-from brdftab.models._shared.facets.masking import SEPARABLE
+from brdftab.materials.fresnel import MIRROR
+from brdftab.models._shared.codes import SEPARABLE
 from brdftab.models._shared.fresnel.fresnel import multiply
 from brdftab.models._shared.fresnel.project import arguments, thinned
 from brdftab.models._shared.random_walk.estimates import Whole
@@ -97,7 +98,7 @@ def _connect(ndf, alpha_x, alpha_y, one, other, lengths, products, kind, fa, fb,
             value = 1.0 / (before * other[j, BEFORE] / here + inside * other[j, UP_TO] + up_to * other[j, INSIDE])
             for w in range(size):
                 row[w] = value * products[0, i, w] * products[1, j, w]
-            if kind != 0:
+            if kind != MIRROR:
                 multiply(kind, fa, fb, table, 0.5 * math.sqrt(hx * hx + hy * hy + hz * hz), row)
             layer = min(i + j, sums.shape[0] - 1)
             for w in range(size):

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.models._shared.facets.masking import SEPARABLE
+from brdftab.models._shared.codes import SEPARABLE
 from brdftab.models._shared.fresnel.project import arguments, thinned
 from brdftab.models._shared.random_walk.layout import vectors
 from brdftab.models._shared.random_walk.sampling_plan import Road

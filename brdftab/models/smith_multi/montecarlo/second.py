@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from brdftab.directions import HORIZON
 from brdftab.jit import kernel, parallel_kernel
+from brdftab.materials.fresnel import MIRROR
 from brdftab.models._shared.fresnel.fresnel import multiply
 from brdftab.models._shared.random_walk.terms import facet, segment
 
@@ -51,7 +52,7 @@ def _integrand(ndf, alpha_x, alpha_y, i, o, beta, phi, kind, fa, fb, table, row)
         value *= segment(ndf, alpha_x, alpha_y, dx, dy, dz)[0]
     for w in range(row.size):
         row[w] = value
-    if value > 0.0 and kind != 0:
+    if value > 0.0 and kind != MIRROR:
         multiply(kind, fa, fb, table, 0.5 * math.sqrt(ax * ax + ay * ay + az * az), row)
         multiply(kind, fa, fb, table, 0.5 * math.sqrt(bx * bx + by * by + bz * bz), row)
     return value

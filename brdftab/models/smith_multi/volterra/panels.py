@@ -14,7 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from brdftab.models._shared.facets.ndf import BECKMANN
+from brdftab.models._shared.codes import BECKMANN
 from brdftab.models.smith_multi.volterra.settings import MOST_NODES, Settings
 
 Weight = Callable[[np.ndarray], np.ndarray]

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from brdftab.directions import HORIZON
-from brdftab.models._shared.facets.masking import SEPARABLE
+from brdftab.models._shared.codes import SEPARABLE
 from brdftab.models._shared.single_bounce.single import evaluate_points
 from brdftab.models.resolve import Setup, component_names
 from brdftab.models.smith_multi.volterra.orders import sum_pairs, to_series

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from brdftab.models._shared.facets.ndf import BECKMANN
+from brdftab.models._shared.codes import BECKMANN
 
 # finer tolerances keep the finest rule
 FINEST = 1e-10

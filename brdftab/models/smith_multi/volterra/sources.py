@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from brdftab.directions import HORIZON
-from brdftab.models._shared.facets.ndf import BECKMANN, GGX
+from brdftab.models._shared.codes import BECKMANN, GGX
 from brdftab.models._shared.fresnel.project import thinned
 from brdftab.models.resolve import Setup
 from brdftab.models.smith_multi.volterra import beckmann, ggx

@@ -8,6 +8,7 @@ import numba
 import numpy as np
 
 from brdftab.jit import kernel, parallel_kernel
+from brdftab.models._shared.codes import GGX
 from brdftab.models._shared.fresnel.fresnel import multiply
 from brdftab.models._shared.fresnel.project import arguments
 from brdftab.models.resolve import Setup
@@ -27,7 +28,7 @@ from brdftab.models.smith_multi.volterra.sources import (
 def _single(ndf, a2, t):
     """Return D/4 at tan^2 theta_h = t."""
     up = 1.0 + t
-    if ndf == 1:
+    if ndf == GGX:
         ratio = up / (a2 + t)
         return 0.25 * a2 / math.pi * ratio * ratio
     return 0.25 * math.exp(-t / a2) * up * up / (math.pi * a2)

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
+from brdftab.materials.fresnel import MIRROR
 from brdftab.models._shared.twin.chains import CHAIN_SAMPLES, multiply_chain
 from brdftab.models._shared.twin.groove2d import beam_even, beam_odd
 from brdftab.models._shared.twin.ndf import BECKMANN, PHONG, density, opposite_norm
@@ -207,7 +208,7 @@ def _order(
         facets = _facets(ndf, shape, sl, jnp.where(lit, cl, 1.0), sr, jnp.where(lit, cr, 1.0))
         value = jnp.where(lit, front * width * part * facets * sl * sr * beam, 0.0)
         bare = bare + jnp.sum(value, axis=0)
-        if static.fresnel == 0:
+        if static.fresnel == MIRROR:
             return bare, bare
         value = value * _reflect(static.fresnel, a, b, tile["big_l"], l0 - slope * r, r, t, k, exact)
         return bare, total + jnp.sum(value, axis=0)

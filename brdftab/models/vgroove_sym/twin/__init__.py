@@ -7,6 +7,7 @@ from functools import partial
 import jax.numpy as jnp
 from jax import Array
 
+from brdftab.materials.fresnel import MIRROR
 from brdftab.models._shared.twin.frame import Directions, groove_plane, half_vector, lifted
 from brdftab.models._shared.twin.grooves import groove_value, higher
 from brdftab.models._shared.twin.masking import v_cavity
@@ -46,7 +47,7 @@ def shapes(static: Static, p: dict[str, Array], d: Directions) -> tuple[Array, .
     if static.max_bounces == 1:
         return (first,)
     ranks = rankings(static, shape, groove_plane(d))
-    if static.fresnel == 0:
+    if static.fresnel == MIRROR:
         return (first + higher(bounces, static, p, (shape, amp, *ranks), above, d),)
     return (first, shape, amp, *ranks)
 
