@@ -25,8 +25,8 @@ import numba
 import numpy as np
 
 from brdftab.models.ilm.single_bounce import cells, table
-from brdftab.models.ilm.single_bounce.azimuth_modes import gauss
 from brdftab.models.resolve import Setup, resolve
+from brdftab.quadrature import unit_gauss
 from brdftab.tables.grid import Grid
 
 # what a table should take at most, seconds
@@ -64,7 +64,7 @@ def worst_error(setup: Setup, prepared: table.Prepared, grid: Grid, values: np.n
     lights, views = (cells.axis(masking, ndf, sigma, theta) for theta in (grid.theta_i, grid.theta_o))
     surface = (masking, ndf, sigma, 1.0, n, np.cos(0.5 * phi), np.sin(phi), prepared.kappa / math.pi, 1e-9)
     bodies = np.empty(len(at))
-    cells.exact(at, phi, lights, views, np.stack(gauss(16)), surface, bodies)
+    cells.exact(at, phi, lights, views, unit_gauss(16), surface, bodies)
     exact = np.zeros(values.shape)
     places = np.arange(grid.theta_i.size), np.arange(grid.theta_o.size)
     cells.rewrite(at, bodies, lights, views, places, surface, np.arange(values.shape[3]), False, exact)

@@ -8,9 +8,9 @@ lies at ``phi = pi``, the retro direction at ``phi = 0``. Every angle is in radi
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from brdftab.typing import Array
 
 TWO_PI = 2.0 * np.pi
 # directions whose cosine is no larger lie on the horizon, where nothing is reflected

@@ -1,19 +1,30 @@
-"""Gauss rules on the unit interval."""
+"""Gauss rules, each made once."""
 
 from __future__ import annotations
 
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from brdftab.typing import Array
+
+
+@lru_cache
+def _gauss(count: int) -> tuple[Array, Array]:
+    x, w = np.polynomial.legendre.leggauss(count)
+    return x, w
+
+
+def gauss(count: int) -> tuple[Array, Array]:
+    """Return Gauss-Legendre nodes and weights on (-1, 1), (count,) each."""
+    x, w = _gauss(count)
+    return x.copy(), w.copy()
 
 
 @lru_cache
 def unit_gauss(count: int) -> Array:
     """Return Gauss-Legendre nodes and weights on (0, 1), shape (2, count)."""
-    x, w = np.polynomial.legendre.leggauss(count)
+    x, w = gauss(count)
     return np.stack([0.5 * (1.0 + x), 0.5 * w])
 
 

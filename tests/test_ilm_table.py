@@ -13,8 +13,9 @@ from brdftab.models._shared.facets.gaussian import gaussian_norm
 from brdftab.models._shared.facets.masking import smith_lambda
 from brdftab.models._shared.fresnel.interface import body_factor
 from brdftab.models.ilm.single_bounce import cells, masking_corrections, table
-from brdftab.models.ilm.single_bounce.azimuth_modes import gauss, rings
+from brdftab.models.ilm.single_bounce.azimuth_modes import rings
 from brdftab.models.resolve import resolve
+from brdftab.quadrature import unit_gauss
 
 POLAR = np.radians([0.0, 0.5, 31.0, 60.0, 77.5, 85.5, 88.5, 89.5])
 AZIMUTHS = np.radians([0.0, 0.5, 15.5, 60.5, 121.5, 164.5, 175.5, 179.5, 180.0])
@@ -32,7 +33,7 @@ def body(setup, n, polar, view, azimuths):
     waves = np.cos(0.5 * azimuths), np.sin(azimuths)
     surface = (masking, setup.ndf, sigma, norm, float(n), *waves, np.ones(1), 5e-8)
     out = np.empty(len(at))
-    cells.exact(at, azimuths, lights, views, np.stack(gauss(14)), surface, out)
+    cells.exact(at, azimuths, lights, views, unit_gauss(14), surface, out)
     return out / math.pi
 
 

@@ -14,7 +14,6 @@ from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab import models
 from brdftab.jit import parallel_kernel
@@ -23,8 +22,8 @@ from brdftab.models.ilm_approx import coefficients
 from brdftab.models.ilm_approx.approximation import body_with
 from brdftab.models.ilm_approx.coefficients import FACET, LAMBERTIAN
 from brdftab.models.resolve import resolve
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 SIGMAS = (0.05, 0.1, 0.2, 0.3, 0.45, 0.65, 0.85, 1.0, 1.25, 1.5)
 INDICES = (1.1, 1.25, 1.5, 1.8, 2.1, 2.5)
 MAP_SIGMAS, MAP_INDICES = (0.05, 0.1, 0.2, 0.3, 0.5, 0.75, 1.0, 1.5), (1.0, 1.2, 1.5, 2.0, 2.5)

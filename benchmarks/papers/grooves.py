@@ -12,11 +12,10 @@ import math
 
 import numpy as np
 from numba import njit, prange
-from numpy.typing import NDArray
 
 from brdftab.models._shared.grooves.groove2d import width_nonsymmetric, width_symmetric
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 LEFT, RIGHT = 0, 1
 
 

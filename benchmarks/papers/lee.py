@@ -6,7 +6,6 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.papers.grooves import closed_nonsymmetric, closed_symmetric, counted
 from benchmarks.papers.section import Cell, Scale, Section, Sheet, cite
@@ -14,11 +13,12 @@ from brdftab.bench.methods import filled
 from brdftab.bench.report import seconds
 from brdftab.bench.timing import Timing, timed
 from brdftab.evaluation.importance_sampling import sample
-from brdftab.models._shared.facets.ndf import CODES, density, shape_at
+from brdftab.models._shared.codes import NDF_CODES
+from brdftab.models._shared.facets.ndf import density, shape_at
 from brdftab.models.resolve import resolve
 from brdftab.tables.grid import Grid
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 RAYS = 1000
 DEGREE = math.pi / 180.0
 # largest and mean error by groove
@@ -65,9 +65,9 @@ def ray_errors(kind: str, rays: int, stratified: bool, step: int = 1) -> Array:
 
 def bounces_at(ndf: str, alpha: float) -> tuple[tuple[int, ...], float]:
     """Return the bounces in a symmetric groove at three percentiles of facets, and the integral of D cos, near 1."""
-    shape, _ = shape_at(CODES[ndf], alpha, alpha, 1.0, 0.0)
+    shape, _ = shape_at(NDF_CODES[ndf], alpha, alpha, 1.0, 0.0)
     tilt = np.linspace(0.0, 0.5 * math.pi, 200_001)[:-1]
-    weight = np.array([density(CODES[ndf], shape, math.cos(t), math.sin(t)) for t in tilt])
+    weight = np.array([density(NDF_CODES[ndf], shape, math.cos(t), math.sin(t)) for t in tilt])
     weight *= np.cos(tilt) * np.sin(tilt)
     cdf = np.concatenate(([0.0], np.cumsum(0.5 * (weight[1:] + weight[:-1]))))
     at = np.interp(np.array(PERCENTILES) * cdf[-1], cdf, tilt)

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.papers.section import Cell, Scale, Section, Sheet, cite
 from brdftab.bench.methods import Kernel, filled
@@ -19,7 +18,6 @@ from brdftab.models.resolve import resolve
 from brdftab.quadrature import unit_gauss
 from brdftab.tables.grid import Grid
 
-Array = NDArray[np.float64]
 SIGMAS = (0.1, 0.3, 0.5, 0.7, 1.0, 1.5)
 IOR = 1.5
 NODES = 16

@@ -5,14 +5,13 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.papers.section import Cell, Scale, Section, Sheet, cite
 from brdftab.bench.report import seconds
 from brdftab.bench.timing import Timing, timed
 from brdftab.scratch_layers.counted import BINS, counted, split
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 FINEST = 16384
 # rays a bin of the paper
 RAYS = 10_000

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.papers.section import Cell, Scale, Section, Sheet, cite
 from brdftab import models
@@ -18,8 +17,8 @@ from brdftab.models._shared.random_walk.reflecting import reflecting
 from brdftab.models._shared.random_walk.refracting import transmitting
 from brdftab.models._shared.random_walk.sampling_plan import at_points
 from brdftab.models.resolve import Setup, resolve
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # theta_i, theta_o, phi in degrees
 PAIRS = [
     (30, 50, 220),

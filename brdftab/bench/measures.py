@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from brdftab.tables.grid import Grid
 from brdftab.tabulation.cell_averages import FLOOR
 from brdftab.tabulation.error_estimate import cell_angles
-
-Array = NDArray[np.float64]
+from brdftab.typing import Array
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,6 @@ from brdftab.models.resolve import Setup, resolve
 from brdftab.tables.grid import Grid
 from brdftab.tabulation.filling import fill_grid
 
-Array = NDArray[np.float64]
 # fills the whole grid and returns (*grid, C)
 Kernel = Callable[[], NDArray[Any]]
 # tolerance of tables, and of runs that vary something else

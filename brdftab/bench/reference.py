@@ -19,8 +19,8 @@ from brdftab.evaluation.agreement import looser
 from brdftab.evaluation.points import is_stochastic, singular
 from brdftab.models.resolve import Setup
 from brdftab.tables.grid import Grid
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 # samples a cell of the first reference with noise, the factor to the next one, and the most
 SAMPLES, FACTOR, MOST = 64, 4, 1 << 16

@@ -10,7 +10,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from brdftab.typing import Array
+
 # values are compared with tolerances that grow by this factor, up to the loosest that can be asked
 COARSER, LOOSEST = 100.0, 0.5
 

@@ -6,7 +6,7 @@ import math
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from brdftab import models
 from brdftab.errors import ParameterError
@@ -17,8 +17,8 @@ from brdftab.models._shared.facets.half_vectors import CUTS, reflecting_half_vec
 from brdftab.models.protocols import HasAlbedo, HasSmoothAlbedo, HasSplitAlbedo
 from brdftab.models.resolve import Setup, resolve
 from brdftab.quadrature import unit_gauss
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # in-plane incoming angles (degrees) at which the azimuth of the half vector is split
 _TURNS = np.tan(np.radians([0.0, 15.0, 30.0, 45.0, 60.0, 70.0, 78.0, 84.0, 87.0, 88.5]))
 NODES = 10

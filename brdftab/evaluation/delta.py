@@ -18,8 +18,8 @@ from brdftab.models.resolve import Setup
 from brdftab.quadrature import unit_gauss
 from brdftab.tables.axis import TWO_PI
 from brdftab.tables.grid import Grid
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # Gauss nodes over the polar angles that two cells share, crowded towards the horizon, where R rises to 1: at an index
 # of 1.0001 they leave 6e-9 in cells of 45 degrees, at 1.000001, where next to nothing is reflected, 5e-5
 NODES = 32

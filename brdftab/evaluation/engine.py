@@ -11,8 +11,8 @@ from brdftab import models
 from brdftab.evaluation.pace import Pace
 from brdftab.models.protocols import Evaluator, HasEvaluator, SolvesJointly
 from brdftab.models.resolve import Setup, component_names
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 
 

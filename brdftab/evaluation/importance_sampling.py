@@ -18,8 +18,7 @@ from brdftab.models._shared.sampling.sampling import PDF_TOLERANCE
 from brdftab.models.protocols import DrawsDelta, DrawsWalks
 from brdftab.models.resolve import Setup, resolve
 from brdftab.tables.content import SeveralArrays, same_fields, told
-
-Array = NDArray[np.float64]
+from brdftab.typing import Array
 
 
 @dataclass(frozen=True, repr=False, eq=False)

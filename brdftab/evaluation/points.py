@@ -17,8 +17,8 @@ from brdftab.evaluation.agreement import LOOSEST, least_errors, looser
 from brdftab.models.protocols import HasFinestRule, HasSingularSetup, Stochastic
 from brdftab.models.resolve import Setup, component_names, resolve
 from brdftab.timing import Clock
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 ORDERS = 8
 EPS = float(np.finfo(np.float64).eps)
 TOLERANCE = 1e-9

@@ -6,9 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from brdftab.errors import BrdftabError, ParameterError
 from brdftab.fit.data import Dataset, dataset, suspicions
 from brdftab.fit.losses import LOSSES
@@ -22,7 +19,6 @@ from brdftab.tables.measurement import Measurement
 from brdftab.tables.table import Table
 from brdftab.timing import Clock
 
-Array = NDArray[np.float64]
 THETA_MAX = math.radians(75.0)
 # directions that show whether a lobe is a spike
 NEAR = 4000

@@ -12,7 +12,8 @@ from brdftab.errors import BrdftabError, ParameterError
 from brdftab.fit.reciprocity import reciprocity_floor, suspicions
 from brdftab.fit.source import Source, as_measurement, check_theta_max, describe, load, near_mirror, stratified
 from brdftab.tables.axis import short
-from brdftab.tables.measurement import Array, Cells, Mask, Measurement
+from brdftab.tables.measurement import Cells, Mask, Measurement
+from brdftab.typing import Array
 
 SAMPLINGS = ("uniform", "mirror", "solid-angle", "grid")
 # values clipped in float32 may round to just below the clip

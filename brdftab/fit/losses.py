@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from brdftab.typing import Array
+
 # value (1/sr) added on both sides of each loss: the headline metric's in logeps; log takes that of its data instead
 OFFSETS = {"log": 1e-9, "logeps": 1e-3, "cbrt": 1e-9, "cosine": 0.0, "l1p": 1.0}
 # share of the data's mean below which no instrument measures: six decades are what the best goniometers span, and the

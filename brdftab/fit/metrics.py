@@ -6,11 +6,11 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from brdftab.errors import ParameterError
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 OFFSET = 1e-3
 # what is darker (1/sr) counts as this in the log-RMS, in fit and data alike: no one measures it
 LEAST = 1e-9

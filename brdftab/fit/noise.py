@@ -7,7 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from brdftab.typing import Array
+
 Mask = NDArray[np.bool_]
 # fewer pairs say nothing of a spread
 FEWEST = 50

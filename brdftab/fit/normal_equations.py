@@ -25,8 +25,8 @@ from brdftab.models._shared.twin.frame import Directions, directions
 from brdftab.models._shared.twin.static import WEIGHTS
 from brdftab.models.protocols import HasPreparation
 from brdftab.models.twins import prepared
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 CHUNK = 1024
 
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.errors import ParameterError, proposal
 from brdftab.fit.held import of_data, optics_of_data
@@ -16,8 +15,8 @@ from brdftab.models import spec, twin
 from brdftab.models.declaration import Model
 from brdftab.models.protocols import NarrowsRoughness
 from brdftab.models.resolve import Setup, resolve
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # the least roughness of a fit: below it a lobe is narrower than any measured table resolves
 ROUGHNESS_FLOOR = 1e-4
 

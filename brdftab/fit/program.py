@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.fit.parameters import Sum
 from brdftab.models import twin
@@ -15,8 +14,7 @@ from brdftab.models._shared.twin.static import WEIGHTS, Static
 from brdftab.models.protocols import HasRuleNodes
 from brdftab.models.twins import numbers as angle_numbers
 from brdftab.models.twins import split
-
-Array = NDArray[np.float64]
+from brdftab.typing import Array
 
 
 class Slot(NamedTuple):

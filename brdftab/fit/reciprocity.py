@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.fit.source import Source, as_measurement, check_theta_max, stratified
-from brdftab.tables.measurement import Array, Measurement
+from brdftab.tables.measurement import Measurement
+from brdftab.typing import Array
 
 PAIRS = 20000
 # grazing values of real measurements are too uncertain to judge units by

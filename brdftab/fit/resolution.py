@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.fit.data import Dataset
 from brdftab.fit.parameters import Sum, is_roughness
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # directions that a lobe is seen by, with facets of half to twice its roughness as slope
 FEWEST, SPAN = 8, 2.0
 # steps of the roughness, each by 2 %

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from brdftab._version import __version__
 from brdftab.evaluation.points import evaluate as evaluate_model
@@ -17,8 +17,7 @@ from brdftab.tables.content import SeveralArrays, listed, same_fields, told
 from brdftab.tables.grid import Grid
 from brdftab.tables.table import Table
 from brdftab.tabulation.tabulate import tabulate
-
-Array = NDArray[np.float64]
+from brdftab.typing import Array
 
 
 @dataclass(repr=False, eq=False)

@@ -6,7 +6,6 @@ import math
 import os
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.errors import ParameterError
 from brdftab.io import read
@@ -14,8 +13,8 @@ from brdftab.io.atomic import show
 from brdftab.tables.axis import HALF_PI, short
 from brdftab.tables.measurement import Measurement, TableMeasurement
 from brdftab.tables.table import Table
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 Source = Table | Measurement | str | os.PathLike[str]
 MAX_SAMPLES = 10**8
 # standard deviations of theta_o and phi around the mirror direction, radians

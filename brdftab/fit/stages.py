@@ -22,8 +22,8 @@ from brdftab.models.protocols import HasRuleNodes
 from brdftab.models.twins import integrates
 from brdftab.system import cache_folder
 from brdftab.timing import Clock
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # chunks of the program that serves starts (its first chunk) and the first stage (all of them)
 SMALL = 20
 STARTS = 8

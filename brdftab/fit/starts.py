@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from brdftab.errors import ParameterError
 from brdftab.fit.parameters import Sum, Variable, is_roughness
 from brdftab.models.declaration import Model
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # ranges that real surfaces fill; the bounds of the fit stay those of the declaration
 PLAUSIBLE = {
     "ior": (1.05, 2.5),

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.fit.data import Dataset
 from brdftab.fit.held import held, of_data
@@ -20,9 +19,7 @@ from brdftab.fit.result import FitResult
 from brdftab.fit.stages import Fitter, Options, Outcome, covariance
 from brdftab.fit.warnings import doubts
 from brdftab.timing import Clock
-
-Array = NDArray[np.float64]
-
+from brdftab.typing import Array
 
 BINS = 5
 

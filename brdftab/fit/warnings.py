@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from brdftab.fit.resolution import FEWEST
 from brdftab.fit.stages import AGREE, BIAS, Outcome
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 CORRELATED = 0.95
 # a fit is poor where most of its squared error is no noise, but for what single precision and coarse cells leave
 SHARE, LEAST = 2.0, 0.02

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab._version import __version__
 from brdftab.errors import BrdftabError, FileFormatError
@@ -22,8 +21,8 @@ from brdftab.io.atomic import atomic, check_target, show
 from brdftab.models.resolve import component_names, resolve
 from brdftab.system import machine
 from brdftab.timing import Clock
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 FORMAT = "brdftab-golden"
 SUFFIX = ".points.npz"
 # rounding differs from processor to processor and grows in quadratures; a change of a formula is far larger

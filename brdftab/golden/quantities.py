@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab import models
 from brdftab.evaluation import importance_sampling
@@ -13,8 +12,8 @@ from brdftab.evaluation.albedo import NODES, directional
 from brdftab.evaluation.engine import Engine
 from brdftab.evaluation.points import ORDERS, is_stochastic
 from brdftab.models.resolve import Setup
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # what the rules are asked for: coarse ones are the same formulas, and cheap
 TOLERANCE = 1e-3
 PASSING_TOLERANCE = 1e-2

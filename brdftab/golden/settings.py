@@ -7,15 +7,14 @@ import zlib
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab import models
 from brdftab.errors import ParameterError
 from brdftab.evaluation.points import is_stochastic
 from brdftab.models.declaration import Model
 from brdftab.models.resolve import Setup, resolve
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # one of each kind of reflectance: none, a metal by its spectrum, own index, dielectric, Schlick's
 REFLECTANCES: dict[str, dict[str, Any]] = {
     "mirror": {"material": "mirror"},

@@ -26,8 +26,9 @@ from brdftab.errors import FileFormatError, ParameterError
 from brdftab.io.atomic import atomic, show
 from brdftab.tables.axis import HALF_PI
 from brdftab.tables.content import listed
-from brdftab.tables.measurement import Array, Bracket, Cells, Mask, Measurement, TableMeasurement, angles, interpolate
+from brdftab.tables.measurement import Bracket, Cells, Mask, Measurement, TableMeasurement, angles, interpolate
 from brdftab.tables.table import Table
+from brdftab.typing import Array
 
 HALF, DIFFERENCE = 90, 90
 AZIMUTHS = (180, 360)

@@ -29,7 +29,8 @@ from brdftab.io.rgl_warp import Warp, cell
 from brdftab.io.tensor_file import Field, read_array, read_fields
 from brdftab.tables.axis import HALF_PI
 from brdftab.tables.content import told
-from brdftab.tables.measurement import Array, Bracket, Cells, Mask, Measurement, angles, bracket, interpolate
+from brdftab.tables.measurement import Bracket, Cells, Mask, Measurement, angles, bracket, interpolate
+from brdftab.typing import Array
 
 CHANNELS = ("R", "G", "B")
 _NEEDED = {"phi_i": 1, "theta_i": 1, "ndf": 2, "sigma": 2, "vndf": 4, "rgb": 5, "jacobian": 1}

@@ -13,7 +13,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.tables.measurement import Array, Bracket
+from brdftab.tables.measurement import Bracket
+from brdftab.typing import Array
 
 _TINY = 1e-300
 

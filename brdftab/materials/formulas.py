@@ -13,6 +13,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike
 
+from brdftab.quadrature import gauss
+
 # exponent of the dip's term for all metals; what fitting it, too, would gain: docs/materials.md
 DIP_POWER = 6.0
 # Gauss nodes in the cosine of the fit
@@ -123,7 +125,7 @@ def lazanyi(f0: ArrayLike, dip: ArrayLike, cos: ArrayLike) -> np.ndarray:
 @cache
 def _fit_nodes() -> tuple[np.ndarray, np.ndarray]:
     """Return cosines and weights of the least squares."""
-    x, weight = np.polynomial.legendre.leggauss(FIT_NODES)
+    x, weight = gauss(FIT_NODES)
     return 0.5 * (1.0 + x), weight
 
 

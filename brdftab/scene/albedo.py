@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from brdftab import models
 from brdftab.errors import ParameterError
@@ -21,8 +21,8 @@ from brdftab.tables.grid import Grid
 from brdftab.tabulation.albedo_table import AlbedoTable, albedos, assembled, row
 from brdftab.tabulation.tabulate import default_grid
 from brdftab.timing import Clock
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 COUNTS = (8, 12, 16, 24, 32, 48, 64, 96, 128, 256)
 CHECKS = 9
 # at most so many times as many cosines in one step

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.evaluation.engine import Engine
 from brdftab.evaluation.points import ORDERS, is_stochastic
@@ -16,8 +15,8 @@ from brdftab.scene.simplify import SAFETY
 from brdftab.scene.subgrid import part
 from brdftab.scene.test_pairs import EXACT, Probes
 from brdftab.tables.grid import Grid
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # (largest polar angle in radians, bounces that are enough where light and view stay within it), steepest first
 Zones = tuple[tuple[float, int], ...]
 Draw = Callable[[Grid], Probes]

@@ -7,7 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from brdftab.typing import Array
+
 FIRST = 6
 # neighbours to either side that count, and the share of them from which on a position is kept, too
 REACH, DENSE = 4, 0.5

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab._version import __version__
 from brdftab.evaluation import delta
@@ -32,8 +31,8 @@ from brdftab.tabulation.provenance import ALBEDO_ANGLES
 from brdftab.tabulation.refinement import MIRROR_NODES, Run
 from brdftab.tabulation.tabulate import tabulate
 from brdftab.timing import Clock
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 CHECKS = 256
 # the check may find this share of what is promised; a maximum over all cells exceeds one over a few
 PART = 0.33

@@ -14,8 +14,8 @@ from brdftab.scene.cubic import from_log, matrix, stencil, to_log
 from brdftab.scene.plan import Plan
 from brdftab.tables.grid import Grid
 from brdftab.tables.table import Table
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 FLOOR = 1e-9
 EVEN = {"phi": (0.0, math.pi)}
 _BLOCK = 1 << 12

@@ -6,9 +6,6 @@ import math
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from brdftab.errors import GridError, ParameterError
 from brdftab.evaluation.points import is_stochastic
 from brdftab.models.resolve import Setup, luminance
@@ -27,7 +24,6 @@ from brdftab.tables.grid import Grid
 from brdftab.tabulation.tabulate import default_grid
 from brdftab.timing import Clock
 
-Array = NDArray[np.float64]
 PAIRS = 192
 # a share of the quadratures' own tolerance that estimates with noise ask, so that five standard errors stay below
 NOISE = 0.2

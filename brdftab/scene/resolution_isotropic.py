@@ -19,8 +19,8 @@ from brdftab.tables.grid import Grid
 from brdftab.tables.table import Table
 from brdftab.tabulation.filling import fill_grid
 from brdftab.timing import Clock
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # least polar angles of the light and of the view, and azimuths, on which lines are drawn, and cells of a slab below
 # which there are more: of coarse grids everything is looked at
 ROWS, COLUMNS, AZIMUTHS, CELLS = 5, 18, 5, 16_000

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.errors import ParameterError
 from brdftab.evaluation.points import ORDERS, is_stochastic
@@ -16,8 +15,8 @@ from brdftab.scene.plan import SHARES, Item
 from brdftab.scene.scene import Material
 from brdftab.scene.test_pairs import EXACT, Probes
 from brdftab.tables.storage import equal_channels as equal_in_bits
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # a stated error is this many times the largest that was measured on the probes
 SAFETY = 3.0
 

@@ -15,8 +15,8 @@ from brdftab.evaluation.engine import Engine
 from brdftab.models.resolve import Setup
 from brdftab.scene.scene import Material
 from brdftab.tables.grid import Grid
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 Kept = Mapping[str, NDArray[np.int64]]
 # directions at which a symmetry is tried, and how closely values must repeat
 TRIALS, SAME = 48, 1e-6

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.evaluation.engine import Engine
 from brdftab.evaluation.points import has_mirror_averages
@@ -14,8 +13,8 @@ from brdftab.scene.plan import once
 from brdftab.tables.grid import Grid
 from brdftab.tabulation.cell_averages import mirror_average
 from brdftab.timing import Clock
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # cells at the mirror direction among the probes, nodes along each of their coordinates, and how often a cost is timed
 MIRRORS, NODES, TIMED = 6, 3, 2
 # both sides of a comparison are evaluated to this share of the tolerance; their errors are alike

@@ -6,7 +6,6 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.evaluation.points import is_stochastic
 from brdftab.models.resolve import resolve
@@ -20,8 +19,8 @@ from brdftab.tabulation.albedo_table import AlbedoTable
 from brdftab.tabulation.monte_carlo import LAYER
 from brdftab.tabulation.tabulate import tabulate
 from brdftab.timing import Clock
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # the unplanned table is made this much finer than the plan's quadratures
 FINER = 0.1
 

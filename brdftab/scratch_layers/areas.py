@@ -12,9 +12,10 @@ import functools
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from brdftab.quadrature import gauss
+from brdftab.typing import Array
+
 # beyond the diagonal of a cell nothing is left free
 FARTHEST = math.sqrt(2.0)
 NODES = 16
@@ -48,7 +49,7 @@ def covered(density: float) -> float:
         return 0.0
     if d >= FARTHEST:
         return 1.0
-    x, w = np.polynomial.legendre.leggauss(NODES)
+    x, w = gauss(NODES)
     # the place in the cell, by symmetry in one quarter of it
     place, weight = 0.25 * (x + 1.0), 0.5 * w
     reach = math.ceil(d)

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from brdftab.errors import ParameterError
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 COMBINATIONS = ("normalised", "union")
 
 

@@ -6,15 +6,14 @@ import math
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.jit import exact_kernel
 from brdftab.models.scratch.flux import aperture
 from brdftab.models.scratch.profiles import Profile, parse
 from brdftab.models.scratch.trace import trace
 from brdftab.models.scratch.tracer import GROUPS, block_tops, path
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 BINS, CAP = 256, 64
 
 

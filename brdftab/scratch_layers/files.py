@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab._version import __version__
 from brdftab.errors import FileFormatError, ParameterError
@@ -22,12 +21,12 @@ from brdftab.models.scratch.flux import FACTS, balanced
 from brdftab.models.scratch.profiles import Profile
 from brdftab.models.scratch.shoot import LAYERS
 from brdftab.models.scratch.trace import Traced
+from brdftab.quadrature import gauss
 from brdftab.scratch_layers import images
 from brdftab.scratch_layers.scratch import Scratch, material_of
 from brdftab.system import machine
 from brdftab.timing import Clock
 
-Array = NDArray[np.float64]
 KINDS = {"native": "brdftab-scratch", "triplet": "brdftab-scratch-triplet", "dense": "brdftab-scratch-dense"}
 NAMES = ("bounces", "cosine1", "cosine2", "cosine3", "cosine4", "spread", "tilt")
 DENSE = (16, 32)
@@ -131,7 +130,7 @@ def _dense(
         )
     step = one.bins // across
     edges = np.linspace(-0.5 * math.pi, 0.5 * math.pi, along + 1)
-    x, w = np.polynomial.legendre.leggauss(4)
+    x, w = gauss(4)
     share = one.aperture.reshape(across, step).sum(axis=1)
     values = np.zeros((along, across, along, across, len(fresnel.channels)))
     for n in range((along + 1) // 2):

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from brdftab.errors import ParameterError
 from brdftab.jit import parallel_kernel
 from brdftab.scratch_layers.areas import FARTHEST
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 MOST = 40_000_000
 # features and directions that the covered area is measured with
 PROBED, ANGLES = 16384, 24

@@ -18,8 +18,8 @@ from brdftab.scratch_layers.splat import PARTS, splatted
 from brdftab.system import offered
 from brdftab.tables.content import SeveralArrays, told
 from brdftab.timing import Clock
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 Map = NDArray[np.float32]
 LARGEST = 4096
 CULL = 1e-6

@@ -26,8 +26,8 @@ from brdftab.scratch_layers.environment import LIGHTS
 from brdftab.scratch_layers.layers import Layered, parse
 from brdftab.scratch_layers.maps import AlphaMaps, alpha_maps
 from brdftab.scratch_layers.shading import BASE, values
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 BINS, RAYS = 128, 512
 # slices along the scratch of the reflectance; rows and samples of the base
 SLICES, ROWS, SAMPLES = 17, 45, 256

@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from brdftab.errors import ParameterError
 from brdftab.evaluation.importance_sampling import Samples
@@ -20,8 +20,8 @@ from brdftab.models.scratch.profiles import Profile, measured, parse
 from brdftab.models.scratch.shoot import ORDERS
 from brdftab.models.scratch.trace import BINS, CAP, Traced, distance, rays_for, trace
 from brdftab.tables.content import SeveralArrays, told
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 PSI = math.radians(1.0)
 # the second trace of an error estimate starts its rays here
 SHIFT = 0.37

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from brdftab.errors import ParameterError
 from brdftab.evaluation.points import evaluate_setup
 from brdftab.models.resolve import Setup
 from brdftab.scratch_layers.combine import weights
 from brdftab.scratch_layers.layers import Layered
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # what is asked of the base, and of the rays through a scratch (512 a bin)
 BASE, TRACE = 1e-6, 1e-3
 

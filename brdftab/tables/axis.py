@@ -6,11 +6,10 @@ import math
 import re
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from brdftab.errors import GridError
-
-Array = NDArray[np.float64]
+from brdftab.typing import Array
 
 MAX_CELLS = 2**31
 # a million positions on one axis is a slip of the pen, and their text in a file's header would outgrow the values

@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from brdftab.errors import GridError, proposal
 from brdftab.tables import axis
-from brdftab.tables.axis import SAME, TWO_PI, Array
+from brdftab.tables.axis import SAME, TWO_PI
 from brdftab.tables.content import SeveralArrays, told
+from brdftab.typing import Array
 
 CELLS = ("center", "average", "point")
 DEFAULT_CELL = "center"

@@ -20,8 +20,8 @@ from brdftab.errors import ParameterError
 from brdftab.tables.axis import HALF_PI
 from brdftab.tables.content import SeveralArrays, listed, told
 from brdftab.tables.table import Table
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 # a weight within this of 0 or 1 is rounding of a point that lies on a position
 _ON = 1e-9

@@ -20,8 +20,8 @@ from brdftab.quadrature import unit_gauss
 from brdftab.tables.grid import Grid
 from brdftab.tabulation.cell_averages import FLOOR
 from brdftab.tabulation.narrow_lobes import Pieces, directions, pieces, unresolved
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # Gauss nodes along each coordinate of a box; below the tolerance more of them need fewer points
 NODES, MORE, TIGHT = 4, {3: 6, 4: 5}, 3e-4
 # levels of division: a box of the last is 1/1024 of its piece along a coordinate

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab import models
 from brdftab._version import __version__
@@ -23,11 +22,12 @@ from brdftab.evaluation.engine import Engine, Progress
 from brdftab.evaluation.points import check_tolerance, is_stochastic
 from brdftab.models.protocols import HasAlbedo
 from brdftab.models.resolve import Setup, resolve
+from brdftab.quadrature import gauss
 from brdftab.system import machine
 from brdftab.tables.content import SeveralArrays, listed, same_fields, told
 from brdftab.timing import Clock
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 FORMAT = "brdftab-albedo"
 COSINES = 32
 SIDES = {"above": 1.0, "below": -1.0}
@@ -155,7 +155,7 @@ def row(
 ) -> Row:
     """Integrate the albedos of one isotropic setup; `cells` are those at the cosines, `engine` its own, if known."""
     angles = np.arccos(cosines)
-    x, w = np.polynomial.legendre.leggauss(FEW_NODES if tolerance >= LOOSE else AVERAGE_NODES)
+    x, w = gauss(FEW_NODES if tolerance >= LOOSE else AVERAGE_NODES)
     # squared nodes gather at grazing, where albedos turn
     mu, weight = (0.5 * (1.0 + x)) ** 2, 0.5 * w * (1.0 + x)
     if cells is None:

@@ -17,8 +17,8 @@ from brdftab.evaluation import delta
 from brdftab.evaluation.engine import Engine
 from brdftab.quadrature import unit_gauss
 from brdftab.tables.grid import Grid
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # beyond this polar angle (radians) the half vector turns fast inside a cell, which takes more nodes
 GRAZING = 1.48
 # values below this (1/sr) are compared absolutely: nothing reflects there

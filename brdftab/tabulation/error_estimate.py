@@ -17,8 +17,8 @@ from brdftab.tabulation.adaptive_cells import NODES, box_nodes, cell_averages
 from brdftab.tabulation.cell_averages import FLOOR, mirror_average
 from brdftab.tabulation.narrow_lobes import unresolved
 from brdftab.tabulation.row_energies import energies
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 SAMPLES = 256
 MIRRORS = 2
 # Gauss nodes along each coordinate of a mirror cell in the reference

@@ -12,8 +12,8 @@ from brdftab.tables.grid import Grid
 from brdftab.tabulation.adaptive_cells import box_nodes, cell_averages
 from brdftab.tabulation.cell_averages import FLOOR, axis_nodes
 from brdftab.tabulation.narrow_lobes import unresolved
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # cells are averaged again, by a rule that divides itself, where this many nodes and one less differ by more than so
 # many times the tolerance: at kinks the finer rule is off by up to 1.1 times that
 DIFFERENCE = 0.7

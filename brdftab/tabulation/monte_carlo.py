@@ -17,7 +17,6 @@ from brdftab.tables.grid import Grid
 from brdftab.tabulation.cell_averages import FLOOR
 from brdftab.timing import Clock
 
-Array = NDArray[np.float64]
 LAYER = "standard_error"
 DEFINITION = (
     "largest standard error of a channel's mean over the cell's largest channel (at least 1e-9/sr), the maximum over "

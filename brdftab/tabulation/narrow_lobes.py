@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from brdftab.models.resolve import Setup
 from brdftab.tables.grid import Grid
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 HALF_PI = 0.5 * math.pi
 # cells that span more than this much of u or v are integrated in these coordinates; three nodes a coordinate leave
 # less than 1e-4 of a GGX lobe below it

@@ -17,8 +17,8 @@ from brdftab.tabulation.cell_averages import mirror_average
 from brdftab.tabulation.error_estimate import Estimate, estimate
 from brdftab.tabulation.filling import fill_averages, fill_grid
 from brdftab.timing import Clock
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 MIRROR_NODES = (7, 11)
 # nodes common to all averaged cells, and the tolerance asked of those averaged again, over the table's, with three axes
 # and with four, where boxes leave far less than they seem to: asked for 1e-2, cells of 30 degrees leave 1e-5

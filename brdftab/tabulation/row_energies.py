@@ -15,8 +15,8 @@ from brdftab.quadrature import unit_gauss
 from brdftab.tables.axis import HALF_PI, SAME
 from brdftab.tables.grid import Grid
 from brdftab.tabulation.cell_averages import axis_nodes
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # rows whose albedo is integrated, and nodes over each axis of a light's cell; at the horizon, where masking sets in
 # within alpha, more of them, crowded there
 ROWS, LIGHTS, GRAZING = {True: 6, False: 3}, {True: 3, False: 2}, {True: 12, False: 6}

@@ -8,8 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numba
-import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import DTypeLike
 
 from brdftab import system
 from brdftab._version import __version__
@@ -27,7 +26,6 @@ from brdftab.tabulation.refinement import Run, until_met
 from brdftab.tabulation.row_energies import energies
 from brdftab.timing import Clock
 
-Array = NDArray[np.float64]
 DTYPES = ("float32", "float64")
 DEFAULT_GRID = "90x90x180"
 DEFAULT_ANISOTROPIC = "15x24x15x24"

@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.evaluation.points import singular
 from brdftab.models.resolve import Setup
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 Angles = tuple[Array, Array, Array, Array]
 GRAZING = math.radians(89.9)
 COUNT = 160

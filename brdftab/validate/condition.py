@@ -8,15 +8,14 @@ from dataclasses import dataclass
 
 import jax
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.fit.losses import LOSSES, MEANING, transform
 from brdftab.models import twins
 from brdftab.models._shared.twin.static import WEIGHTS
 from brdftab.models.resolve import Setup
+from brdftab.typing import Array
 from brdftab.validate.angles import Angles
 
-Array = NDArray[np.float64]
 # directions that a fit would see: polar angles up to 75 degrees, as `brdftab fit` takes them
 COUNT, FAR = 192, math.radians(75.0)
 # condition number of the scaled Jacobian from which on a fit is called stiff: a step's error grows with it

@@ -6,14 +6,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab import models
 from brdftab.models.protocols import HasRuleNodes, HasTwinNodes
 from brdftab.models.resolve import Setup
+from brdftab.typing import Array
 from brdftab.validate.angles import Angles
 
-Array = NDArray[np.float64]
 LEVELS = 6
 
 

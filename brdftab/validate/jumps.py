@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from brdftab.typing import Array
+
 # a difference of this order, so many times those around it is looked into
 ORDER, STANDS_OUT = 6, 20.0
 # how many such places a line may have, and how many neighbours tell what is usual

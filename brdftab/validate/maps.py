@@ -8,19 +8,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.errors import ParameterError
 from brdftab.models import spec
 from brdftab.models.declaration import Model
 from brdftab.models.resolve import resolve
 from brdftab.plotting.figure import figure
+from brdftab.typing import Array
 from brdftab.validate import condition
 from brdftab.validate.probe import Subject
 from brdftab.validate.properties.twin import quick_compilation, tolerance_of
 from brdftab.validate.recovery import recovery_error
 
-Array = NDArray[np.float64]
 ROUGHNESS, STEPS = (0.05, 1.0), (10, 9)
 SECOND = {"ior": (1.05, 3.0), "f0": (0.02, 0.95)}
 # relative noise of the data whose effect on the parameters is drawn

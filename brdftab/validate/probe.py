@@ -9,18 +9,17 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab import models
 from brdftab.evaluation.points import is_stochastic
 from brdftab.models.declaration import Model
 from brdftab.models.protocols import Checks
 from brdftab.models.resolve import Setup
+from brdftab.typing import Array
 from brdftab.validate.angles import Angles, both
 from brdftab.validate.finding import Finding
 from brdftab.validate.settings import setups
 
-Array = NDArray[np.float64]
 TOLERANCE = 1e-6
 # failures told of one setup; more say the same
 MOST = 24

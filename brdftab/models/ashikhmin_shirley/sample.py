@@ -8,9 +8,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.models._shared.sampling.sampling import Array, angles, cosine_hemisphere, cosine_pdf, reflect, unit
+from brdftab.models._shared.sampling.sampling import angles, cosine_hemisphere, cosine_pdf, reflect, unit
 from brdftab.models.ashikhmin_shirley.lobe import densities, normal_reflectance
 from brdftab.models.resolve import Setup
+from brdftab.typing import Array
 
 # the highlight rises at grazing whatever F(1) is: it keeps a tenth
 _MOST = 0.9

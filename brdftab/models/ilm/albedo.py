@@ -8,19 +8,18 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.models._shared.facets.masking import smith_lambda
 from brdftab.models._shared.fresnel.interface import body_factor
 from brdftab.models.ilm.interreflection.energy import albedo_of_bodies, albedo_of_mirrors
 from brdftab.models.ilm.interreflection.points import points_interreflection
-from brdftab.models.ilm.single_bounce.azimuth_modes import gauss
 from brdftab.models.ilm.single_bounce.many_points import Bodies
 from brdftab.models.ilm.single_bounce.points import parts
 from brdftab.models.ilm.single_bounce.table import CAVITY_LEVELS, SMITH_LEVELS
 from brdftab.models.resolve import Setup
+from brdftab.quadrature import unit_gauss
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # polar angles and azimuths of the view; albedos come out to about 1e-4
 POLAR, AROUND = 32, 24
 # azimuths of bodies with a grain: 1.1e-5 of the albedo at roughnesses up to a thousand times apart, 24 leave 1.1e-4
@@ -54,7 +53,7 @@ def smooth_albedo(setup: Setup, theta: float, phi: float, tolerance: float) -> A
 
 def _views() -> tuple[Array, Array]:
     """Return polar angles of the view, crowded towards the horizon, and their weights times cosine and sine."""
-    x, w = gauss(POLAR)
+    x, w = unit_gauss(POLAR)
     view = 0.5 * math.pi * (1.0 - x * x)
     return view, math.pi * x * w * np.cos(view) * np.sin(view)
 
@@ -75,7 +74,7 @@ def _single(setup: Setup, theta: float, tolerance: float) -> Array:
     """Return the albedo (C,) of the bodies of single bounces."""
     assert setup.fresnel is not None
     view, weight = _views()
-    a, wa = gauss(AROUND)
+    a, wa = unit_gauss(AROUND)
     cavity = setup.values["masking"] == "torrance-sparrow"
     levels = CAVITY_LEVELS if cavity else tuple((least, (*fine, 0, 0), rough) for least, fine, rough in SMITH_LEVELS)
     sizes = next(fine for least, fine, _ in levels if tolerance >= 0.999 * least or least == levels[-1][0])

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.models._shared.sampling import facet_samples
-from brdftab.models._shared.sampling.sampling import Array, cosine_hemisphere, cosine_pdf
+from brdftab.models._shared.sampling.sampling import cosine_hemisphere, cosine_pdf
 from brdftab.models.kulla_conty.compensation import lacking
 from brdftab.models.resolve import Setup
+from brdftab.typing import Array
 
 # both lobes keep at least this share, so that no weight runs away
 _LEAST = 0.02

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from brdftab.models._shared.sampling.sampling import Array, cosine_hemisphere, cosine_pdf
+from brdftab.models._shared.sampling.sampling import cosine_hemisphere, cosine_pdf
 from brdftab.models.resolve import Setup
+from brdftab.typing import Array
 
 
 def sample(

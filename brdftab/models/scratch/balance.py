@@ -11,11 +11,11 @@ import math
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.jit import kernel
+from brdftab.quadrature import gauss
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # widths from the horizon within which s is tabulated, knots a width, Gauss nodes over a cone, and rounds: what is left
 # halves in each
 REACH, KNOTS, NODES, ROUNDS = 12, 64, 24, 40
@@ -76,7 +76,7 @@ def balanced(psi: float) -> Array:
     t = np.abs(0.5 * math.pi - above)
     scale = np.hypot(np.cos(t), psi)
     table = np.append(far(psi) * scale / np.maximum(np.cos(t), 0.5 * psi), far(psi))
-    x, w = np.polynomial.legendre.leggauss(NODES)
+    x, w = gauss(NODES)
     low, high = np.maximum(-t - psi, -0.5 * math.pi), np.minimum(-t + psi, 0.5 * math.pi)
     half = 0.5 * (high - low)
     others = 0.5 * (low + high)[:, None] + half[:, None] * x

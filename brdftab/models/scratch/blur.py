@@ -11,7 +11,6 @@ import math
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.directions import HORIZON
 from brdftab.jit import kernel, parallel_kernel
@@ -20,8 +19,9 @@ from brdftab.models.scratch.balance import balanced, strength, strengths
 from brdftab.models.scratch.shade import add_path, arguments, groups_of_layers
 from brdftab.models.scratch.shoot import CLASSES
 from brdftab.models.scratch.trace import Traced
+from brdftab.quadrature import gauss
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # Gauss nodes over the kernel's width
 NODES = 24
 
@@ -94,7 +94,7 @@ def points(
 def cone(t_i: float, psi: float) -> tuple[Array, Array]:
     """Return angles t_o along the scratch and weights: the blurred cone of light at t_i, 1 in all."""
     low, high = max(-t_i - psi, -0.5 * math.pi), min(-t_i + psi, 0.5 * math.pi)
-    x, w = np.polynomial.legendre.leggauss(NODES)
+    x, w = gauss(NODES)
     t_o = 0.5 * (low + high) + 0.5 * (high - low) * x
     blur = np.array([kernel_value(t_i + t, psi) for t in t_o])
     both = strength(t_i, psi, balanced(psi)) * strengths(t_o[None], psi, balanced(psi))[0]

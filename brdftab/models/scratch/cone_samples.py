@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from brdftab.models.scratch.blur import bin_of, coordinates, kernel_value
 from brdftab.models.scratch.trace import Traced
-
-Array = NDArray[np.float64]
+from brdftab.typing import Array
 
 
 def draw(

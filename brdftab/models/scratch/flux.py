@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from brdftab.jit import parallel_kernel
 from brdftab.models.scratch.shoot import GRAZING
 from brdftab.models.scratch.tracer import GROUPS
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 ROUNDS = 4000
 CLOSE = 1e-12
 # numbers beside the flux: bounces, representative cosines, spread of the smallest and what the others do with it

@@ -10,7 +10,6 @@ import math
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.directions import HORIZON
 from brdftab.jit import kernel, parallel_kernel
@@ -19,8 +18,8 @@ from brdftab.models.scratch.blur import bin_of, coordinates
 from brdftab.models.scratch.shade import add_path, arguments, groups_of_layers
 from brdftab.models.scratch.trace import Traced
 from brdftab.quadrature import unit_gauss
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 NODES = 8
 # leave 1e-16 at 90 degrees
 TERMS = 12

@@ -12,14 +12,13 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.errors import ParameterError
 from brdftab.jit import parallel_kernel
 from brdftab.models.scratch.flux import aperture, edges
 from brdftab.models.scratch.profiles import Profile
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 MASKINGS = ("none", "v-cavity", "smith")
 # walls that stand for the profile, and angles that stand for a bin
 WALLS, ANGLES = 8192, 8

@@ -13,12 +13,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.errors import FileFormatError, ParameterError, proposal
 from brdftab.models.scratch.bounds import PROFILES
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # parabolas of an analytic profile: slopes good to 1e-5 of their range
 PIECES = 512
 DEEPEST = 100.0

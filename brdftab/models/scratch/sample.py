@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from brdftab.models._shared.sampling.sampling import PDF_TOLERANCE
 from brdftab.models.resolve import Setup
-from brdftab.models.scratch.cone_samples import Array, density, draw
+from brdftab.models.scratch.cone_samples import density, draw
 from brdftab.models.scratch.surface import surface
+from brdftab.typing import Array
 
 
 def sample(

@@ -19,8 +19,8 @@ from brdftab.materials.fresnel import MIRROR, Fresnel
 from brdftab.models._shared.fresnel.fresnel import fill_table, multiply
 from brdftab.models.scratch.shoot import CLASSES, ORDERS
 from brdftab.models.scratch.tracer import GROUPS
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 CELLS = 1024
 # spreads of cosines below this change nothing
 NARROW = 3e-3

@@ -15,8 +15,8 @@ from brdftab.models.scratch.flux import aperture, assemble, edges
 from brdftab.models.scratch.profiles import Profile, parse
 from brdftab.models.scratch.shoot import CLASSES, KEPT, LAYERS, shoot
 from brdftab.models.scratch.tracer import block_tops
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 BINS, CAP = 256, 64
 # rays a column at tolerances down to these
 RAYS = ((1e-3, 512), (1e-5, 2048), (0.0, 4096))

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.models._shared.random_walk.estimates import Estimates
 from brdftab.models._shared.random_walk.exits import mean_exit, split_exit
@@ -17,8 +16,8 @@ from brdftab.models._shared.random_walk.reflecting import reflecting
 from brdftab.models._shared.random_walk.refracting import transmitting
 from brdftab.models._shared.random_walk.sampling_plan import Road, at_points, on_grid
 from brdftab.models.resolve import Setup
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # standard error of albedos by walks
 _NOISE = 1e-3
 

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from brdftab.models._shared.random_walk.drawing import density, draw
 from brdftab.models.resolve import Setup
-
-Array = NDArray[np.float64]
+from brdftab.typing import Array
 
 
 def walk(

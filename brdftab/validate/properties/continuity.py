@@ -11,9 +11,10 @@ import numpy as np
 
 from brdftab.errors import ParameterError
 from brdftab.models.resolve import Setup, resolve
+from brdftab.typing import Array
 from brdftab.validate.finding import ANGLES, Finding
 from brdftab.validate.jumps import Jump, jumps
-from brdftab.validate.probe import Array, Probe, Subject
+from brdftab.validate.probe import Probe, Subject
 
 MEANING = "jump between neighbouring numbers, relative"
 ROUNDING = 1e-9

@@ -10,10 +10,11 @@ from brdftab.materials.fresnel import CONDUCTOR
 from brdftab.models import twins
 from brdftab.models._shared.twin.static import WEIGHTS
 from brdftab.models.resolve import Setup
+from brdftab.typing import Array
 from brdftab.validate import differences, sweep
 from brdftab.validate.angles import directions
 from brdftab.validate.finding import Finding
-from brdftab.validate.probe import Array, Probe, Subject
+from brdftab.validate.probe import Probe, Subject
 from brdftab.validate.properties.twin import COUNT, FLOOR, chosen, quick_compilation, thinned, tolerance_of
 
 MEANING = "difference to extrapolated differences of the kernel, over ten times their own error"

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from brdftab.models.resolve import Setup
+from brdftab.typing import Array
 from brdftab.validate.finding import Finding
-from brdftab.validate.probe import Array, Subject
+from brdftab.validate.probe import Subject
 
 MEANING = (
     "difference to the swapped pair, relative, f/n_o^2 through interfaces; of estimators in standard errors over 6"

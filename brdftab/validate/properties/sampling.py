@@ -13,8 +13,9 @@ from brdftab.evaluation.engine import Engine
 from brdftab.evaluation.importance_sampling import Samples, pdf, sample
 from brdftab.models.protocols import DrawsWalks
 from brdftab.models.resolve import Setup
+from brdftab.typing import Array
 from brdftab.validate.finding import Finding
-from brdftab.validate.probe import Array, Subject
+from brdftab.validate.probe import Subject
 
 MEANING = "distance between samples and quadrature, in standard errors over 5"
 LIGHTS = (0.1, 0.9, 1.4)

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from brdftab.evaluation.engine import Engine
+from brdftab.typing import Array
 from brdftab.validate.finding import Finding
-from brdftab.validate.probe import Array, Probe, Subject
+from brdftab.validate.probe import Probe, Subject
 
 MEANING = "difference between float32 and float64, relative"
 # one rounding to float32, and one of a sum

@@ -8,12 +8,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.models._shared.fresnel.fresnel import reflectance
 from brdftab.models.resolve import Setup
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # below this roughness float64 does not resolve the half vectors that carry the highlight: at 1e-9 the albedo is good to
 # 3e-7 at 89 degrees and to 2e-5 at 89.99, at 1e-12 it is off by 1e-5 at 85 degrees, at 1e-50 the highlight is lost
 FINEST = 1e-9

@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from brdftab.jit import kernel
+from brdftab.quadrature import gauss
 
-_X, _W = (v.copy() for v in np.polynomial.legendre.leggauss(48))
+_X, _W = (v.copy() for v in gauss(48))
 # beyond this many sigma the density is below 1e-17 of its peak
 FAR = 9.0
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.jit import kernel
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # shares of the largest tilt of a half vector at which it is split
 CUTS = np.array([0.0, 0.5, 0.75, 0.9, 0.97, 1.0])
 

@@ -19,8 +19,8 @@ from brdftab.models._shared.random_walk.terms import segment
 from brdftab.models._shared.sampling.sampling import angles, unit
 from brdftab.models._shared.single_bounce.single import evaluate_points
 from brdftab.models.resolve import Setup
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # points of the lattice that finds how much light leaves after one bounce: good to some 1e-4
 _POINTS = 4096
 # powers of the root of x^4 = x + 1, whose multiples fill the cube evenly

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.models._shared.random_walk.rows import TILE
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 Progress = Callable[[float], None]
 # what draws: (tasks, lights, identities, views, sums, squares), see `rows.draw`

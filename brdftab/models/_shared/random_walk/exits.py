@@ -18,8 +18,8 @@ from brdftab.models._shared.random_walk.rng import uniforms
 from brdftab.models._shared.random_walk.trace import arrive, crossed, scatter
 from brdftab.models._shared.sampling.sampling import unit
 from brdftab.models.resolve import Setup
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # walks of an albedo: at first, and at most
 FIRST_WALKS, MOST_WALKS = 1 << 14, 1 << 22
 # blocks of random numbers that say which side light takes

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from brdftab.models._shared.random_walk.estimates import Estimates
 from brdftab.models._shared.sampling.sampling import unit
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.jit import kernel
 from brdftab.models._shared.codes import CORRELATED, SEPARABLE
@@ -14,8 +13,8 @@ from brdftab.models._shared.random_walk.sampling_plan import Road
 from brdftab.models._shared.random_walk.terms import segment
 from brdftab.models._shared.single_bounce.single import evaluate_points
 from brdftab.models.resolve import Setup
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # throughput below which walks end at random; at the lower one the variance stays the same to four digits
 LIMITS = {"off": 1e-2, "on": 0.3}
 # no walk gets here: each reflection raises the direction of travel, and dim walks have ended long before

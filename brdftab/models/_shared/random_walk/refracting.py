@@ -6,7 +6,6 @@ import math
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.directions import HORIZON
 from brdftab.jit import kernel, parallel_kernel
@@ -19,8 +18,7 @@ from brdftab.models._shared.random_walk.sampling_plan import Road
 from brdftab.models._shared.random_walk.terms import segment
 from brdftab.models._shared.random_walk.trace import COLUMNS, FACTOR, HEIGHT, SIDE, WX, WY, WZ, refractions
 from brdftab.models.resolve import Setup
-
-Array = NDArray[np.float64]
+from brdftab.typing import Array
 
 
 @kernel

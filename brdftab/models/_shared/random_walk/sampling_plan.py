@@ -6,14 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.directions import HORIZON
 from brdftab.models._shared.random_walk.estimates import Draw, Estimates, Progress, Rows, Whole, estimate
 from brdftab.models._shared.random_walk.layout import Layout, vectors
 from brdftab.models.resolve import Setup, component_names
-
-Array = NDArray[np.float64]
+from brdftab.typing import Array
 
 
 @dataclass(frozen=True)

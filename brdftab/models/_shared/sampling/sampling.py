@@ -25,8 +25,8 @@ from brdftab.models._shared.codes import BECKMANN, GGX, PHONG
 from brdftab.models._shared.facets import ndf as ndf_piece
 from brdftab.models._shared.facets.masking import projected_alpha, smith_lambda
 from brdftab.models.resolve import Setup
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # beyond this slope (in units of alpha) exp(-u^2) is below 1e-19 of the density: no float64 uniform gets there
 _FAR = 6.7
 # Phong's slopes have no bound for alpha > 1; this one squares to a finite number

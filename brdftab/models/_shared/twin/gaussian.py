@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 import jax.numpy as jnp
-import numpy as np
 
 from brdftab.models._shared.facets.gaussian import FAR
+from brdftab.quadrature import gauss
 
-_X, _W = np.polynomial.legendre.leggauss(48)
+_X, _W = gauss(48)
 
 
 def gaussian_norm(sigma):

@@ -11,7 +11,6 @@ import math
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.directions import HORIZON
 from brdftab.jit import kernel, parallel_kernel
@@ -27,8 +26,8 @@ from brdftab.models.ilm.interreflection.rule import (
     stretched_rings,
 )
 from brdftab.models.resolve import Setup
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # numbers of one block of light, which bounds the memory
 BLOCK = 1 << 22
 

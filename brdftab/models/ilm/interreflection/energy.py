@@ -6,7 +6,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab import models
 from brdftab.models._shared.codes import GAUSSIAN
@@ -16,8 +15,8 @@ from brdftab.models.ilm.interreflection.isotropic import Modes
 from brdftab.models.ilm.interreflection.points import specular_setup
 from brdftab.models.ilm.interreflection.rule import rule
 from brdftab.models.resolve import Setup, resolve
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # polar angles and azimuths of the integral over views; albedos come out to about 1e-4
 POLAR, AROUND = 24, 24
 COARSE = 1e-2

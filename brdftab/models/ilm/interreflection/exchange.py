@@ -22,6 +22,7 @@ import numpy as np
 from brdftab.jit import kernel
 from brdftab.models._shared.fresnel.interface import transmission
 from brdftab.models.ilm.interreflection.light import FAINT
+from brdftab.quadrature import gauss
 
 PI = math.pi
 
@@ -92,7 +93,7 @@ def _matrices(tilts, n, most, steps, gauss, psi, radial, out):
 
 def unit_rule(count: int) -> np.ndarray:
     """Return Gauss-Legendre nodes and weights on (0, 1), (2, count)."""
-    x, w = np.polynomial.legendre.leggauss(count)
+    x, w = gauss(count)
     return np.stack([0.5 * (1.0 + x), 0.5 * w])
 
 

@@ -13,7 +13,6 @@ from functools import lru_cache
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.directions import HORIZON
 from brdftab.jit import kernel, parallel_kernel
@@ -28,8 +27,8 @@ from brdftab.models.ilm.interreflection.rule import (
     stretched_rings,
 )
 from brdftab.models.resolve import Setup
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # numbers of one block of light, which bounds the memory
 BLOCK = 1 << 23
 

@@ -11,15 +11,14 @@ import json
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab import models
 from brdftab.models.ilm.interreflection.anisotropic import Cavities, interpolate_azimuths
 from brdftab.models.ilm.interreflection.isotropic import Modes, interpolate, knots, synthesis
 from brdftab.models.ilm.interreflection.rule import Rule, rule
 from brdftab.models.resolve import Setup, resolve
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # pairs of directions up to which each is worked out by itself; more are interpolated
 DIRECT = 512
 # smaller slopes never send light from facet to facet

@@ -7,15 +7,14 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.models._shared.codes import GGX
 from brdftab.models._shared.fresnel.interface import body_factor
 from brdftab.models.ilm.interreflection.exchange import exchange, unit_rule
 from brdftab.models.ilm.interreflection.light import recurrence
 from brdftab.models.resolve import Setup
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # beyond this stretched slope Beckmann facets are rarer than 1e-9
 FARTHEST = 4.6
 # tilts closer than this to a right angle are not told apart from it

@@ -14,8 +14,8 @@ from brdftab.models.ilm.interreflection.points import interpolated, points_specu
 from brdftab.models.ilm.interreflection.rule import rule
 from brdftab.models.protocols import Evaluator, HasEvaluator
 from brdftab.models.resolve import Setup, resolve
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 Prepare = Callable[[Setup, float, int, bool], Evaluator | None]
 # the rule's error in the worst, grazing cells is a few times what it is named after
 MARGIN = 0.25

@@ -17,13 +17,13 @@ from typing import NamedTuple
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.jit import kernel, parallel_kernel
 from brdftab.models._shared.codes import BECKMANN, GGX
 from brdftab.models._shared.facets.gaussian import gaussian_norm
+from brdftab.quadrature import unit_gauss
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # Beckmann facets beyond this stretched slope have a share of 2e-14
 FAR = 5.6
 # polar angles whose samples are held at a time
@@ -39,18 +39,12 @@ class Modes(NamedTuple):
     odd_o: Array
 
 
-def gauss(count: int) -> tuple[Array, Array]:
-    """Return Gauss-Legendre nodes and weights on (0, 1)."""
-    x, w = np.polynomial.legendre.leggauss(count)
-    return 0.5 * (x + 1.0), 0.5 * w
-
-
 def rings(ndf: int, sigma: float, count: int) -> tuple[Array, Array]:
     """Return slopes and weights (count,) of rings; the weights are shares of the projected area of facets.
 
     Gauss-Legendre, crowded where grazing directions have their kinks (flat facets) and where GGX ends (steep ones).
     """
-    t, w = gauss(count)
+    t, w = unit_gauss(count)
     if ndf == BECKMANN:
         r = FAR * t * t
         return sigma * r, w * 4.0 * FAR * t * r * np.exp(-r * r)

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.models._shared.codes import GGX
 from brdftab.models.ilm.single_bounce.azimuth_modes import azimuth_basis, block, modes
 from brdftab.models.ilm.single_bounce.masking_corrections import add_wedges, wedge_rule
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # looser tolerances, and polar angles farther from the horizon, allow wedges in float32
 SINGLE_TOLERANCE, SINGLE_COSINE = 9e-6, 1e-5
 

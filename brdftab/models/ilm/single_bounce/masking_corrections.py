@@ -17,15 +17,14 @@ import math
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.jit import kernel, parallel_kernel
 from brdftab.models._shared.codes import BECKMANN, GAUSSIAN, GGX
 from brdftab.models._shared.facets.gaussian import gaussian_norm
 from brdftab.models._shared.single_bounce.single_rows import exponential
-from brdftab.models.ilm.single_bounce.azimuth_modes import gauss
+from brdftab.quadrature import unit_gauss
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 HALF_PI = 0.5 * math.pi
 
 
@@ -38,7 +37,7 @@ def wedge_rule(ndf: int, sigma: float, reach: float, radii: int, angles: int) ->
     The squared radius is r_0^2 + s v with s = 1 (Beckmann) or 1 + r_0^2 (GGX), v being a node; for the Gaussian it is
     the squared tilt, in units of 2 sigma^2.
     """
-    x, w = gauss(radii)
+    x, w = unit_gauss(radii)
     if ndf == GGX:
         # m_z turns at r = 1/sigma, near the end
         power = 1.5 if sigma < 0.3 else 1.0
@@ -50,7 +49,7 @@ def wedge_rule(ndf: int, sigma: float, reach: float, radii: int, angles: int) ->
     else:
         # the upper end depends on the cell; 2 pi C sigma^2 is the norm that the exponential lacks
         radial = np.stack([x * x, gaussian_norm(sigma) * 2.0 * w * x])
-    return radial, np.stack(gauss(angles)), reach
+    return radial, unit_gauss(angles), reach
 
 
 @kernel

@@ -20,12 +20,12 @@ from brdftab.models._shared.codes import GAUSSIAN, SEPARABLE, V_CAVITY
 from brdftab.models._shared.facets.gaussian import gaussian_norm
 from brdftab.models._shared.fresnel.interface import body_factor, transmission
 from brdftab.models.ilm.interreflection.table import prepare_cavity
-from brdftab.models.ilm.single_bounce.azimuth_modes import gauss
 from brdftab.models.ilm.single_bounce.cells import axis, exact, rewrite, write
 from brdftab.models.ilm.single_bounce.many_points import Bodies
 from brdftab.models.resolve import Setup
+from brdftab.quadrature import unit_gauss
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # least tolerance; rings, modes and (V-cavities) radii and angles of the wedges; the same of the coarser resolution
 SMITH_LEVELS = (
     (1e-3, (64, 64), (44, 44)),
@@ -133,7 +133,7 @@ class Prepared:
         axes = tuple(axis(self.masking, ndf, sigma, side[1]) for side in (lights, views))
         places = lights[0], views[0]
         taken, ranges = _neighbours(phi.size)
-        nodes = np.stack(gauss(next(count for least, count in PANELS if self._tolerance >= least)))
+        nodes = unit_gauss(next(count for least, count in PANELS if self._tolerance >= least))
         bodies = [
             Bodies(ndf, self.masking == V_CAVITY, sigma, n, lights[1], views[1], some, sizes, self._tolerance)
             for some, sizes in zip((phi, phi[taken]), self._level, strict=True)

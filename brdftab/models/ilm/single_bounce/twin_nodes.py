@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 
 from brdftab.models._shared.codes import GGX
+from brdftab.quadrature import gauss
 
 # radial nodes and azimuths, by the relative error asked
 COUNTS = ((1e-2, 3, 8), (1e-3, 8, 16), (1e-4, 16, 32), (1e-5, 32, 64), (0.0, 64, 128))
@@ -26,7 +27,7 @@ def radial_nodes(ndf: int, tolerance: float) -> tuple[np.ndarray, int]:
     """
     count, steps = next((k, m) for least, k, m in (GGX_COUNTS if ndf == GGX else COUNTS) if tolerance >= least)
     if ndf == GGX:
-        x, w = np.polynomial.legendre.leggauss(count)
+        x, w = gauss(count)
         angle = 0.25 * math.pi * (1.0 + x)
         weight = w * np.sin(2.0 * angle)
         nodes = np.stack([np.tan(angle) ** 2, weight / weight.sum()])

@@ -9,14 +9,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.models._shared.random_walk.refraction import weight
 from brdftab.models.resolve import Setup
 from brdftab.models.smith_multi.dielectric.levels import Level, energy_levels
 from brdftab.models.smith_multi.dielectric.solve import SWEEPS, System, sweep
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # directions solved together
 GROUP = 32
 # the series ends where a bounce adds less than this to every albedo

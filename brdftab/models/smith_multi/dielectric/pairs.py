@@ -30,8 +30,8 @@ from brdftab.models.smith_multi.dielectric.solve import (
 )
 from brdftab.models.smith_multi.dielectric.states import CLOSE, LOWEST, Side, build
 from brdftab.quadrature import unit_gauss
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 Rows = tuple[Array, Array]
 # pairs whose rows are held at a time
 GROUP = 64

@@ -10,12 +10,10 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.models.smith_multi.dielectric.solve import System, multiple
+from brdftab.typing import Array, Index
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 # no table angle needs modes beyond this to three digits; cosines made at a time
 TOP, BLOCK = 1 << 17, 1 << 22
 

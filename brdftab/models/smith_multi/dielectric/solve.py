@@ -18,9 +18,8 @@ from brdftab.models.smith_multi.dielectric.levels import Level
 from brdftab.models.smith_multi.dielectric.modes import ABOVE, BELOW, THROUGH, integrate, largest, lobes
 from brdftab.models.smith_multi.dielectric.states import LOWEST, build, one_sided, panel_edges
 from brdftab.quadrature import unit_gauss
+from brdftab.typing import Array, Index
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 States = tuple[Array, Array, Index]
 Block = Callable[[int, States, States], Array]
 # bytes of matrices held at a time, and the most that any tolerance may take

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from brdftab.models._shared.random_walk.refraction import weight
 from brdftab.models.smith_multi.dielectric.levels import Level
-from brdftab.quadrature import unit_gauss
+from brdftab.quadrature import gauss, unit_gauss
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # edges closer than this are one edge
 CLOSE = 1e-12
 # no finer panels at the horizon for directions below this elevation
@@ -127,7 +127,7 @@ def one_sided(count: int) -> Array:
     Divided by the weight of the target they integrate over the part of the panel beyond the source, its own limit
     included; they are symmetrised, so that reversing a path changes nothing.
     """
-    x, w = np.polynomial.legendre.leggauss(count)
+    x, w = gauss(count)
     up = np.zeros((count, count))
     for i in range(count):
         nodes = x[i:]

@@ -16,9 +16,8 @@ from brdftab.models.smith_multi.dielectric.levels import further, level
 from brdftab.models.smith_multi.dielectric.pairs import solve_pairs
 from brdftab.models.smith_multi.dielectric.series import Part, evaluate, evaluate_pairs, solve
 from brdftab.models.smith_multi.dielectric.solve import System
+from brdftab.typing import Array, Index
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 # values of the series held at a time
 BLOCK = 1 << 24
 

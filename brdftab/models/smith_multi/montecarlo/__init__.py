@@ -7,16 +7,14 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.models._shared.random_walk.estimates import Estimates
 from brdftab.models._shared.random_walk.exits import mean_exit, split_exit
 from brdftab.models._shared.random_walk.sampling_plan import Road, at_points, on_grid
 from brdftab.models.resolve import Setup
+from brdftab.typing import Array
 
 __all__ = ["Estimates", "albedo", "estimate_table", "estimates", "points", "split_albedo"]
-
-Array = NDArray[np.float64]
 
 
 def _roads(setup: Setup, tolerance: float) -> list[Road]:

@@ -17,7 +17,6 @@ from collections.abc import Callable
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.jit import kernel, parallel_kernel
 from brdftab.materials.fresnel import MIRROR
@@ -34,8 +33,8 @@ from brdftab.models._shared.random_walk.terms import facet, segment
 from brdftab.models._shared.random_walk.trace import thin_out
 from brdftab.models._shared.single_bounce.single import evaluate_points
 from brdftab.models.resolve import Setup
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # throughput below which walks end at random
 LIMITS = {"off": 1e-2, "on": 0.2}
 # columns of a walk: direction back to where it came from, 1/(|z| (1 + Lambda)), products of 1/e up to the direction

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.models._shared.codes import SEPARABLE
 from brdftab.models._shared.fresnel.project import arguments, thinned
@@ -15,8 +14,8 @@ from brdftab.models._shared.single_bounce.single import evaluate_points
 from brdftab.models.resolve import Setup
 from brdftab.models.smith_multi.montecarlo import bdpt
 from brdftab.models.smith_multi.montecarlo.second import second_bounces
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # tightest error of the second bounce relative to the value, which spectral samples do not reach anyway
 _TIGHTEST = 1e-8
 

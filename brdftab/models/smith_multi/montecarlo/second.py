@@ -17,7 +17,6 @@ import math
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.directions import HORIZON
 from brdftab.jit import kernel, parallel_kernel
@@ -25,7 +24,6 @@ from brdftab.materials.fresnel import MIRROR
 from brdftab.models._shared.fresnel.fresnel import multiply
 from brdftab.models._shared.random_walk.terms import facet, segment
 
-Array = NDArray[np.float64]
 # the rule of degree 7 with 17 points on [-1, 1]^2: abscissas, weights and those of the embedded rule of degree 5 [GM80]
 _A, _B, _C = math.sqrt(9.0 / 70.0), math.sqrt(0.9), math.sqrt(9.0 / 19.0)
 _X = np.array([0, _A, -_A, 0, 0, _B, -_B, 0, 0, _B, _B, -_B, -_B, _C, _C, -_C, -_C])

@@ -10,7 +10,6 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brdftab.directions import HORIZON
 from brdftab.models.smith_multi.twin.rules import (
@@ -23,8 +22,9 @@ from brdftab.models.smith_multi.twin.rules import (
     refinement,
     synthesis,
 )
+from brdftab.quadrature import gauss
+from brdftab.typing import Array
 
-Array = NDArray[np.float64]
 # distinct angles of data up to which each has a place of its own on the grid
 OWN_POLAR, OWN_AZIMUTHS = 48, 256
 # polar angles that are solved themselves whatever the tolerance
@@ -104,7 +104,7 @@ def _panels(rule: Level, p: int, elevations: Array) -> dict[str, Array]:
         beta, weight (N,): elevations and weights; near_beta, near_weight (N, p); near_basis (p, p, p): from the nodes
         of a panel (last) to those between, for each node (first).
     """
-    x, w = np.polynomial.legendre.leggauss(p)
+    x, w = gauss(p)
     ends = panel_edges(elevations, rule.widest)
     half, middle = 0.5 * np.diff(ends), 0.5 * (ends[1:] + ends[:-1])
     span = 0.5 * (1.0 - x)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from brdftab.typing import Array
+
 # modes solved at whole orders; the others are sampled at real orders, spread in log(m + SHIFT)
 WHOLE = 8
 SHIFT = 3.0

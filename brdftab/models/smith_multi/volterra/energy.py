@@ -12,9 +12,10 @@ import numpy as np
 
 from brdftab.directions import HORIZON
 from brdftab.models.resolve import Setup
-from brdftab.models.smith_multi.volterra.panels import cardinal, gauss, rule, smoothness
+from brdftab.models.smith_multi.volterra.panels import cardinal, rule, smoothness
 from brdftab.models.smith_multi.volterra.settings import settings
 from brdftab.models.smith_multi.volterra.sources import LOWEST, distribution, fitted_fresnel
+from brdftab.quadrature import gauss
 
 ZERO = np.zeros(1)
 # terms of the Neumann series end here

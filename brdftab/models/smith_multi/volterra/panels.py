@@ -16,6 +16,7 @@ import numpy as np
 
 from brdftab.models._shared.codes import BECKMANN
 from brdftab.models.smith_multi.volterra.settings import MOST_NODES, Settings
+from brdftab.quadrature import gauss
 
 Weight = Callable[[np.ndarray], np.ndarray]
 # error of a table in units of rho^(-2 nodes), measured, for one node, two and more
@@ -53,12 +54,6 @@ class Mesh:
     inner_to: np.ndarray
     inner: np.ndarray
     share: np.ndarray
-
-
-@lru_cache
-def gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return Gauss-Legendre nodes and weights on (-1, 1)."""
-    return np.polynomial.legendre.leggauss(count)
 
 
 def cardinal(x: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -10,7 +10,6 @@ import math
 from typing import Any
 
 import jax.numpy as jnp
-import numpy as np
 from jax import Array, lax
 
 from brdftab.materials.fresnel import MIRROR
@@ -23,6 +22,7 @@ from brdftab.models._shared.twin.tiles import by_tiles, ranking
 from brdftab.models.vgroove_nonsym.panels import BROAD
 from brdftab.models.vgroove_nonsym.rules import HARDEST, MOST, rule
 from brdftab.models.vgroove_nonsym.twin.panels import left_tilt, panel_edges
+from brdftab.quadrature import gauss
 
 PI = math.pi
 HALF_PI = 0.5 * math.pi
@@ -33,7 +33,7 @@ Tile = dict[str, Array]
 
 
 def _unit_gauss(count: int) -> tuple[Array, Array]:
-    x, w = np.polynomial.legendre.leggauss(count)
+    x, w = gauss(count)
     return jnp.asarray(0.5 * (1.0 + x)), jnp.asarray(0.5 * w)
 
 

@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 
 import jax.numpy as jnp
-import numpy as np
 from jax import Array, lax
 from jax.scipy.special import erfc
 
 from brdftab.models._shared.twin.ndf import BECKMANN, GGX, opposite_norm
+from brdftab.quadrature import gauss
 
 PI = math.pi
 ROOT_PI = math.sqrt(PI)
 # beyond this, E is below the last digit; larger cotangents would overflow in derivatives
 FARTHEST_COTANGENT = 1e60
-NODES, WEIGHTS = (0.5 * (x + y) for x, y in zip(np.polynomial.legendre.leggauss(20), (1.0, 0.0), strict=True))
+NODES, WEIGHTS = (0.5 * (x + y) for x, y in zip(gauss(20), (1.0, 0.0), strict=True))
 
 
 def masked_share(ndf: int, shape: Array, sin_m: Array, cos_m: Array) -> Array:

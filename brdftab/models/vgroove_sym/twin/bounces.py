@@ -10,7 +10,6 @@ import math
 from typing import Any
 
 import jax.numpy as jnp
-import numpy as np
 from jax import Array, lax
 
 from brdftab.models._shared.twin.chains import chain, chain_nodes, gram_rules, long_chain
@@ -20,6 +19,7 @@ from brdftab.models._shared.twin.static import Static
 from brdftab.models._shared.twin.tail import tail_node, tail_panels, tail_power
 from brdftab.models._shared.twin.tiles import by_tiles, ranking
 from brdftab.models.vgroove_sym.rules import rule
+from brdftab.quadrature import gauss
 
 PI = math.pi
 DEPTH = 45.0
@@ -156,7 +156,7 @@ def _tail(static: Static, a: Any, b: Any, k: Array, cap: int, tile: dict[str, Ar
     powers = jnp.stack([power, *[jnp.where(power == 0.0, 0.0, 1.0)] * 2])
     panels = tail_panels(powers, left, right)
     count = rule(static.tolerance, static.rough)[1]
-    nodes, weights = (jnp.asarray(0.5 * v) for v in np.polynomial.legendre.leggauss(count))
+    nodes, weights = (jnp.asarray(0.5 * v) for v in gauss(count))
 
     def going(state: tuple[Array, Array]) -> Array:
         return state[0] < count * jnp.max(jnp.where(open_panel, panels, 0.0))
