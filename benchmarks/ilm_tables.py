@@ -54,7 +54,7 @@ def sampled(shape: tuple[int, ...]) -> np.ndarray:
     return some
 
 
-def worst_error(setup: Setup, prepared: table.Prepared, grid: Grid, values: np.ndarray) -> float:
+def worst_error(setup: Setup, prepared: table.BodyEvaluator, grid: Grid, values: np.ndarray) -> float:
     """Return the largest relative error of any channel over `sampled` cells."""
     assert grid.phi is not None
     assert setup.fresnel is not None

@@ -1,4 +1,4 @@
-"""Tables of albedo: numbers against other roads, files, and the command."""
+"""Tables of albedo: numbers against other path samplers, files, and the command."""
 
 import json
 import math

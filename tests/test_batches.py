@@ -26,7 +26,7 @@ PLACES = np.radians(
 )
 BELOW = np.radians([[94.767, 93.651, 306.948, 0.0], [130.0, 20.0, 120.0, 0.0], [40.0, 175.0, 10.0, 0.0]])
 TOLERANCE = 1e-2
-# besides every model at its defaults: each road to the values of one model
+# besides every model at its defaults: each path sampler to the values of one model
 MORE = (
     ("smith-multi", {"ndf": "beckmann", "alpha": 0.02276, "ior": 10.0}),
     ("smith-multi", {"ndf": "ggx", "alpha": 0.5, "ior": 1.5}),

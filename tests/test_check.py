@@ -221,7 +221,7 @@ def test_extremes_of_the_list_and_of_the_bounds_are_taken():
 def test_every_model_takes_part(name):
     few, all_ = setups(name, fast=True), setups(name)
     assert 1 <= len(few) <= len(all_)
-    # a number is met at both of its bounds, but for ranges that a choice narrows and dear models, which are thinned
+    # a number is met at both of its bounds, but for ranges that a choice narrows and slow models, which are thinned
     spec = models.spec(name)
     thinned = bool(models.checks(name).thin)
     for param in spec.params:

@@ -28,7 +28,7 @@ def _pairs():
 def _given(model, ndf, **rough):
     if ndf is None:
         return {}
-    # paths are dear; few of them are as finite as many
+    # paths are slow; few of them are as finite as many
     coarse = {"tolerance": 0.05} if spec(model).has("samples") else {}
     return {"ndf": ndf, "material": "mirror", **rough, **coarse}
 

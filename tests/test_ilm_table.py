@@ -147,7 +147,7 @@ def test_without_a_body_only_facets_reflect():
 
 
 def test_what_the_fast_path_leaves_to_others():
-    assert not isinstance(table.prepare(resolve("ilm", sigma=0.3, bounces="2"), 1e-3), table.Prepared)
+    assert not isinstance(table.prepare(resolve("ilm", sigma=0.3, bounces="2"), 1e-3), table.BodyEvaluator)
     assert table.prepare(resolve("ilm", sigma=0.3), 1e-8) is None
     assert table.prepare(resolve("ilm", sigma_x=0.3, sigma_y=0.2), 1e-3) is None
 

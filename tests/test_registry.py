@@ -32,7 +32,7 @@ GRAIN = ((0.3, 0.4, -0.3, -0.6), (-0.9, 0.1, 0.9, 0.1), (0.0, -0.7, 0.004, 0.2))
 RTOL = 1e-10
 # samples of the estimators, and rays of what is traced once
 PATHS, RAYS = 4, 2048
-# pairs of directions where light passes the surface, whose solver is the dearest
+# pairs of directions where light passes the surface, whose solver is the slowest
 PASSING = 2
 
 

@@ -1,4 +1,4 @@
-"""The renderer's pieces against other roads, and small pictures."""
+"""The renderer's pieces against other path samplers, and small pictures."""
 
 import json
 import math

@@ -16,7 +16,7 @@ GOLD = np.array([0.143, 0.375, 1.442]), np.array([3.983, 2.386, 1.603])
 
 
 def scaled(order, kappa):
-    """Return J, u1, u2 (3, N) of one order by the road that `beckmann` takes."""
+    """Return J, u1, u2 (3, N) of one order by the path sampler that `beckmann` takes."""
     kappa = np.asarray(kappa, dtype=np.float64)
     out = np.zeros((3, kappa.size))
     if order >= bessel.SPLIT or kappa.min() >= bessel.SPLIT:
@@ -63,7 +63,7 @@ def test_derivatives_at_large_arguments(order, kappa):
 
 
 def test_orders_continue_each_other():
-    # around kappa = 25 and order 25 one road takes over from another
+    # around kappa = 25 and order 25 one path sampler takes over from another
     for order in (3, 3.5, 24.5, 24.999999, 25.0):
         below, above = scaled(order, [25.0 - 1e-9]), scaled(order, [25.0 + 1e-9])
         assert np.abs(below - above).max() < 1e-9

@@ -276,9 +276,9 @@ def test_bdpt_beats_the_random_walk() -> None:
         given = {"alpha": alpha, "samples": 4000}
         b = montecarlo.estimates(multi("bdpt", **given), *radians(*PAIRS), orders=0, tolerance=1e-3)
         setup = resolve("smith-walk", ndf="ggx", material="mirror", **given)
-        road = reflecting(setup, 1e-3, heights=True, least=1)
+        path_sampler = reflecting(setup, 1e-3, heights=True, least=1)
         # walks start at the light, as the paper's do, and not at the more grazing direction
-        w = at_points(setup, [replace(road, shared=False)], tuple(radians(*PAIRS)), 0, 1e-3)
+        w = at_points(setup, [replace(path_sampler, shared=False)], tuple(radians(*PAIRS)), 0, 1e-3)
         assert np.mean(w.standard_error**2) > 5 * np.mean(b.standard_error**2)
 
 

@@ -11,7 +11,7 @@ from brdftab.errors import ParameterError
 from brdftab.materials.fresnel import reflectance
 from brdftab.models.resolve import resolve
 from brdftab.models.vgroove_sym import chains, kernel, simd_rows
-from brdftab.models.vgroove_sym.table import Prepared, prepare
+from brdftab.models.vgroove_sym.table import GrooveEvaluator, prepare
 
 DEGREE = math.pi / 180.0
 COUNT = 300
@@ -55,7 +55,7 @@ def errors(setup, tolerance):
     """Largest difference of a channel against the largest channel, where that is not at the end of float64's range."""
     theta_i, theta_o, phi = directions()
     fast = prepare(setup, tolerance)
-    assert isinstance(fast, Prepared)
+    assert isinstance(fast, GrooveEvaluator)
     found = fast.points(theta_i, theta_o, phi, 0.0 * phi)[:, 0]
     exact = exact_values(json.dumps(setup.parameters))
     assert np.isfinite(found).all()

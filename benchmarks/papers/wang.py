@@ -55,9 +55,11 @@ def estimates(
     angles = tuple(np.tile(a, repeats) for a in ANGLES)
     setup = _setup(estimator, alpha, samples, seed, ior)
     if estimator == "walk":
-        roads = [reflecting(setup, 1e-3, heights=True, least=1)] if ior is None else transmitting(setup, heights=True)
-        roads = [replace(road, shared=False) for road in roads]
-        return at_points(setup, roads, angles, 0, 1e-3).values.reshape(repeats, -1)
+        samplers = (
+            [reflecting(setup, 1e-3, heights=True, least=1)] if ior is None else transmitting(setup, heights=True)
+        )
+        samplers = [replace(sampler, shared=False) for sampler in samplers]
+        return at_points(setup, samplers, angles, 0, 1e-3).values.reshape(repeats, -1)
     return models.kernel("smith-multi").points(setup, *angles, orders=0, tolerance=1e-3).reshape(repeats, -1)
 
 

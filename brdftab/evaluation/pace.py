@@ -1,4 +1,4 @@
-"""How many pairs of directions a kernel gets at once: as many as it evaluates in a blink, however dear they are."""
+"""How many pairs of directions a kernel gets at once: as many as it evaluates in a blink, however slow they are."""
 
 from __future__ import annotations
 

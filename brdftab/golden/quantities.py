@@ -24,7 +24,7 @@ DRAWN, DRAW_ANGLE, DRAW_AZIMUTH = 8, 0.7, 0.4
 
 
 def tolerance_of(setup: Setup) -> float:
-    """Return the relative error asked: looser where light passes the surface, whose solver is the dearest."""
+    """Return the relative error asked: looser where light passes the surface, whose solver is the slowest."""
     return PASSING_TOLERANCE if setup.transmits else TOLERANCE
 
 

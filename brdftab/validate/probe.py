@@ -119,7 +119,7 @@ class Subject:
         """Return what the model's checks give for this extent, or the default for fast or full checks."""
         return given.get("fast" if self.fast else "full", fast if self.fast else full)
 
-    def is_dear(self, setup: Setup) -> bool:
+    def is_expensive(self, setup: Setup) -> bool:
         """Tell whether one light has to do for albedos of a setup: in fast checks of what has two roughnesses."""
         return self.fast and not (setup.isotropic or setup.model.grain)
 

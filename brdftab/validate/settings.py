@@ -48,7 +48,7 @@ def extremes(param: Param) -> list[Any]:
 
 def refusal(model: str, given: Given) -> str | None:
     """Return the line with which a set of parameters is refused, or None; a mirror where no reflectance is given."""
-    # the wavelengths of a metal are dear to set up, and are never what is refused
+    # the wavelengths of a metal are expensive to set up, and are never what is refused
     mirror = models.spec(model).shares("material") and not SOURCES & set(given)
     try:
         resolve(model, **given, **({"material": "mirror"} if mirror else {}))
@@ -118,7 +118,7 @@ def thrifty(model: str, given: Given) -> Given:
 def setups(model: str, *, fast: bool = False) -> list[Setup]:
     """Return the checked setups of a model at its default, bounds and extremes, and what its folder adds.
 
-    With `fast` an even choice of the extremes, or of `THIN` of them where the folder says that they are dear. The
+    With `fast` an even choice of the extremes, or of `thin` of them where the folder says that they are expensive. The
     default, the folder's own settings, and every word and both bounds of each parameter are never left out.
     """
     own = models.checks(model)

@@ -47,7 +47,7 @@ def _opposite_tilt(ndf, alpha):
 
 @njit
 def _table_tilt(cdf, tilt):
-    """Sample r from a tabulated distribution function, the road without special variates."""
+    """Sample r from a tabulated distribution function, the path sampler without special variates."""
     return np.interp(np.random.random(), cdf, tilt)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from brdftab.models._shared.codes import V_CAVITY
 from brdftab.models._shared.single_bounce.single import evaluate_points
-from brdftab.models._shared.single_bounce.single_table import SingleBounceTable, build
+from brdftab.models._shared.single_bounce.single_table import SingleBounceEvaluator, build
 from brdftab.models.resolve import Setup
 
 
@@ -24,6 +24,6 @@ def points(
     return evaluate_points(setup, V_CAVITY, theta_i, theta_o, phi, phi_i)
 
 
-def prepare(setup: Setup, tolerance: float, orders: int = 0, trial: bool = False) -> SingleBounceTable | None:
+def prepare(setup: Setup, tolerance: float, orders: int = 0, trial: bool = False) -> SingleBounceEvaluator | None:
     """Return the fast product-grid table of an isotropic setup, or None where only `points` holds the tolerance."""
     return None if orders else build(setup, V_CAVITY, tolerance)

@@ -9,7 +9,7 @@ import numpy as np
 from brdftab.models._shared.codes import MASKINGS
 from brdftab.models._shared.single_bounce.albedo import average_albedo, average_reflectance, missing
 from brdftab.models._shared.single_bounce.single import evaluate_points
-from brdftab.models._shared.single_bounce.single_table import SingleBounceTable, build
+from brdftab.models._shared.single_bounce.single_table import SingleBounceEvaluator, build
 from brdftab.models.resolve import Setup
 
 
@@ -27,10 +27,10 @@ def lacking(setup: Setup, theta: np.ndarray, tolerance: float = 0.0) -> np.ndarr
     return missing(setup, MASKINGS[setup.values["masking"]], theta, tolerance)
 
 
-class Prepared:
+class CompensatedEvaluator:
     """Fast product-grid tables: those of the single bounce, and the lobe on top."""
 
-    def __init__(self, setup: Setup, single: SingleBounceTable, tolerance: float) -> None:
+    def __init__(self, setup: Setup, single: SingleBounceEvaluator, tolerance: float) -> None:
         self._setup, self._single, self._tolerance = setup, single, tolerance
         self._strength = strength(setup, tolerance)
 
@@ -62,7 +62,7 @@ def points(
     return np.concatenate([first, lobe], axis=1) if orders else first + lobe
 
 
-def prepare(setup: Setup, tolerance: float, orders: int = 0, trial: bool = False) -> Prepared | None:
+def prepare(setup: Setup, tolerance: float, orders: int = 0, trial: bool = False) -> CompensatedEvaluator | None:
     """Return the fast product-grid tables, or None where only `points` holds the tolerance."""
     single = build(setup, MASKINGS[setup.values["masking"]], tolerance)
-    return None if orders or single is None else Prepared(setup, single, tolerance)
+    return None if orders or single is None else CompensatedEvaluator(setup, single, tolerance)

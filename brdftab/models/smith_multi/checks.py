@@ -3,7 +3,7 @@
 from brdftab.models.protocols import Checks
 
 CHECKS = Checks(
-    # the solver's grid of angles, orders and nodes serves a table; single pairs are dear
+    # the solver's grid of angles, orders and nodes serves a table; single pairs are expensive
     tolerance=1e-3,
     thin={"fast": 30, "full": 8},
     directions={"fast": 30, "full": 10},

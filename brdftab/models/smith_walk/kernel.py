@@ -14,7 +14,7 @@ from brdftab.models._shared.random_walk.estimates import Estimates
 from brdftab.models._shared.random_walk.exits import mean_exit, split_exit
 from brdftab.models._shared.random_walk.reflecting import reflecting
 from brdftab.models._shared.random_walk.refracting import transmitting
-from brdftab.models._shared.random_walk.sampling_plan import Road, at_points, on_grid
+from brdftab.models._shared.random_walk.sampling_plan import PathSampler, at_points, on_grid
 from brdftab.models.resolve import Setup
 from brdftab.typing import Array
 
@@ -22,7 +22,7 @@ from brdftab.typing import Array
 _NOISE = 1e-3
 
 
-def _roads(setup: Setup, tolerance: float) -> list[Road]:
+def _path_samplers(setup: Setup, tolerance: float) -> list[PathSampler]:
     return transmitting(setup, heights=True) if setup.transmits else [reflecting(setup, tolerance, heights=True)]
 
 
@@ -35,7 +35,7 @@ def estimates(
     setup: Setup, theta_i: Array, theta_o: Array, phi: Array, phi_i: Array, *, orders: int, tolerance: float
 ) -> Estimates:
     """Estimate at N pairs of directions (radians): values (N, P, C), standard_error (N, C), samples (N,)."""
-    return at_points(setup, _roads(setup, tolerance), (theta_i, theta_o, phi, phi_i), orders, tolerance)
+    return at_points(setup, _path_samplers(setup, tolerance), (theta_i, theta_o, phi, phi_i), orders, tolerance)
 
 
 def points(
@@ -58,7 +58,7 @@ def estimate_table(
     Square tables are drawn half, so that they are exactly reciprocal. Returns values (P, *shape, C), standard_error
     (*shape, C) and samples (*shape).
     """
-    return on_grid(setup, _roads(setup, tolerance), axes, orders, tolerance, progress)
+    return on_grid(setup, _path_samplers(setup, tolerance), axes, orders, tolerance, progress)
 
 
 def albedo(setup: Setup, theta_i: Array, phi_i: float, tolerance: float) -> Array:

@@ -10,7 +10,7 @@ from brdftab.models._shared.codes import MASKINGS
 from brdftab.models._shared.fresnel.fresnel import reflectance
 from brdftab.models._shared.single_bounce.albedo import missing
 from brdftab.models._shared.single_bounce.single import evaluate_points
-from brdftab.models._shared.single_bounce.single_table import SingleBounceTable, build
+from brdftab.models._shared.single_bounce.single_table import SingleBounceEvaluator, build
 from brdftab.models.resolve import Setup
 
 
@@ -28,10 +28,12 @@ def excess(setup: Setup, theta_o: np.ndarray, tolerance: float = 0.0) -> np.ndar
     return lost / (1.0 - lost)
 
 
-class Prepared:
+class CompensatedEvaluator:
     """Fast product-grid tables: two single bounces, of which one is scaled by the view."""
 
-    def __init__(self, setup: Setup, first: SingleBounceTable, more: SingleBounceTable, tolerance: float) -> None:
+    def __init__(
+        self, setup: Setup, first: SingleBounceEvaluator, more: SingleBounceEvaluator, tolerance: float
+    ) -> None:
         self._setup, self._first, self._more, self._tolerance = setup, first, more, tolerance
 
     def points(self, theta_i: np.ndarray, theta_o: np.ndarray, phi: np.ndarray, phi_i: np.ndarray) -> np.ndarray:
@@ -65,8 +67,8 @@ def points(
     return np.concatenate([first, more], axis=1) if orders else first + more
 
 
-def prepare(setup: Setup, tolerance: float, orders: int = 0, trial: bool = False) -> Prepared | None:
+def prepare(setup: Setup, tolerance: float, orders: int = 0, trial: bool = False) -> CompensatedEvaluator | None:
     """Return the fast product-grid tables, or None where only `points` holds the tolerance."""
     masking = MASKINGS[setup.values["masking"]]
     first, more = build(setup, masking, tolerance), build(weighted(setup), masking, tolerance)
-    return None if orders or first is None or more is None else Prepared(setup, first, more, tolerance)
+    return None if orders or first is None or more is None else CompensatedEvaluator(setup, first, more, tolerance)

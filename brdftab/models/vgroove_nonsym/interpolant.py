@@ -227,7 +227,7 @@ def _fill(theta_i, theta_o, cos_half, sin_phi, square, ndf, shape, many_bounces,
                         out[o, i, p, c] = value[c]
 
 
-class Interpolant:
+class InterpolatingEvaluator:
     """The in-plane part of one setup, built once; evaluates points and product grids.
 
     Parameters
@@ -297,7 +297,7 @@ class Interpolant:
         _fill(theta_i, theta_o, np.cos(0.5 * phi), np.sin(phi), square, *self._arguments, out[0])
 
 
-def build(setup: Setup, tolerance: float, trial: bool = False) -> Interpolant | None:
+def build(setup: Setup, tolerance: float, trial: bool = False) -> InterpolatingEvaluator | None:
     """Return an interpolant where it can hold the tolerance, else None (then evaluate directly)."""
     assert setup.fresnel is not None
     if setup.ndf == PHONG or not setup.isotropic or tolerance < REACH or not 0.02 <= setup.alpha_x <= 2.0:
@@ -310,15 +310,15 @@ def build(setup: Setup, tolerance: float, trial: bool = False) -> Interpolant | 
             return None
         coefficients = found
     if trial:
-        return Interpolant(setup, fresnel, coefficients, TRIAL)
+        return InterpolatingEvaluator(setup, fresnel, coefficients, TRIAL)
     for size in SIZES[0 if tolerance >= LOOSE else 1 :]:
-        made = Interpolant(setup, fresnel, coefficients, size)
+        made = InterpolatingEvaluator(setup, fresnel, coefficients, size)
         if _worst(setup, made) <= tolerance:
             return made
     return None
 
 
-def _worst(setup: Setup, made: Interpolant) -> float:
+def _worst(setup: Setup, made: InterpolatingEvaluator) -> float:
     """Return the largest relative error at fixed directions, most of them steep: there lengths and orders vary most."""
     random = np.random.default_rng(0)
     top = np.radians(np.repeat([0.5, 5.0, 20.0, 45.0, 88.0], CHECKS))

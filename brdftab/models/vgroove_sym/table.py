@@ -259,7 +259,7 @@ def _explicit(tolerance: float, alpha: float) -> tuple[int, int]:
     return math.ceil(orders * max(1.5 * alpha, 1.0) ** 0.8), nodes
 
 
-class Prepared:
+class GrooveEvaluator:
     """One isotropic setup, ready for points and product grids.
 
     Parameters
@@ -298,7 +298,7 @@ class Prepared:
         _fill(theta_i, theta_o, np.cos(0.5 * phi), np.sin(phi), square, *self._arguments, out[0])
 
 
-def prepare(setup: Setup, tolerance: float, orders: int = 0, trial: bool = False) -> Prepared | None:
+def prepare(setup: Setup, tolerance: float, orders: int = 0, trial: bool = False) -> GrooveEvaluator | None:
     """Return the fast evaluation of an isotropic setup, or None where it cannot hold the tolerance.
 
     Parameters
@@ -317,4 +317,4 @@ def prepare(setup: Setup, tolerance: float, orders: int = 0, trial: bool = False
     if orders or not setup.isotropic or tolerance < REACH or (setup.ndf == PHONG and setup.alpha_x > 1.0):
         return None
     optics = _optics(setup.fresnel, tolerance)
-    return None if optics is None else Prepared(setup, tolerance, optics)
+    return None if optics is None else GrooveEvaluator(setup, tolerance, optics)

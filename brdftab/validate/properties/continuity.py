@@ -132,7 +132,7 @@ def scans(subject: Subject, probe: Probe) -> Iterator[tuple[str, Callable[..., I
 def findings(subject: Subject) -> Iterator[Finding]:
     """Scan lines along each angle and each number of a choice of the settings."""
     count = subject.count(subject.own.scans, 1, 4)
-    # wavelengths behind RGB say nothing more, and are dear to set up
+    # wavelengths behind RGB say nothing more, and are expensive to set up
     plain = [probe for probe in subject.probes if not (probe.stochastic or probe.projected)]
     for probe in plain[:: max(1, -(-len(plain) // count))]:
         for name, scan in scans(subject, probe):

@@ -61,7 +61,7 @@ def findings(subject: Subject) -> Iterator[Finding]:
         if probe.projected:
             continue
         setup = brightest(probe.setup)
-        for theta, azimuth, albedo in albedos(setup, probe.tolerance, subject.is_dear(setup)):
+        for theta, azimuth, albedo in albedos(setup, probe.tolerance, subject.is_expensive(setup)):
             over = float(albedo.max()) - 1.0
             where = (theta, theta, np.pi, azimuth)
             bound = QUADRATURE

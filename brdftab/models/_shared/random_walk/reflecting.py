@@ -1,4 +1,4 @@
-"""Walks over facets that reflect, as a road of `survey`."""
+"""Walks over facets that reflect, as a path sampler of `sampling_plan`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from brdftab.models._shared.codes import CORRELATED, SEPARABLE
 from brdftab.models._shared.fresnel.project import arguments, thinned
 from brdftab.models._shared.random_walk import rows
 from brdftab.models._shared.random_walk.estimates import Whole
-from brdftab.models._shared.random_walk.sampling_plan import Road
+from brdftab.models._shared.random_walk.sampling_plan import PathSampler
 from brdftab.models._shared.random_walk.terms import segment
 from brdftab.models._shared.single_bounce.single import evaluate_points
 from brdftab.models.resolve import Setup
@@ -37,8 +37,8 @@ def view_terms(setup: Setup, heights: bool, directions: Array) -> Array:
     return views
 
 
-def reflecting(setup: Setup, tolerance: float, heights: bool, least: int = 2) -> Road:
-    """Return the road of path tracing with next event estimation over facets that reflect.
+def reflecting(setup: Setup, tolerance: float, heights: bool, least: int = 2) -> PathSampler:
+    """Return the path sampler of path tracing with next event estimation over facets that reflect.
 
     Parameters
     ----------
@@ -69,4 +69,4 @@ def reflecting(setup: Setup, tolerance: float, heights: bool, least: int = 2) ->
             return evaluate_points(setup, masking, theta_i, theta_o, phi, phi_i)
         return np.zeros((theta_i.size, 0, len(setup.channels)))
 
-    return Road(draw, lambda o: view_terms(setup, heights, o), weights, single, shared=True)
+    return PathSampler(draw, lambda o: view_terms(setup, heights, o), weights, single, shared=True)

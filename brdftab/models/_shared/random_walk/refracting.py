@@ -1,4 +1,4 @@
-"""Walks over facets that reflect and refract, as roads of `survey`: one for each refractive index."""
+"""Walks over facets that reflect and refract, as path samplers of `sampling_plan`: one for each refractive index."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from brdftab.models._shared.random_walk.layout import vectors
 from brdftab.models._shared.random_walk.reflecting import LIMITS, LONGEST, view_terms
 from brdftab.models._shared.random_walk.refraction import reflected_vertex, transmitted_vertex
 from brdftab.models._shared.random_walk.rows import FIRST, HIGH, LAST, LOW, ROW, SLOT
-from brdftab.models._shared.random_walk.sampling_plan import Road
+from brdftab.models._shared.random_walk.sampling_plan import PathSampler
 from brdftab.models._shared.random_walk.terms import segment
 from brdftab.models._shared.random_walk.trace import COLUMNS, FACTOR, HEIGHT, SIDE, WX, WY, WZ, refractions
 from brdftab.models.resolve import Setup
@@ -110,8 +110,8 @@ def single_bounce(ndf, alpha_x, alpha_y, n, heights, incoming, outgoing):
     return out
 
 
-def _road(setup: Setup, n: float, heights: bool, least: int) -> Road:
-    """Return the road at one index."""
+def _path_sampler(setup: Setup, n: float, heights: bool, least: int) -> PathSampler:
+    """Return the path sampler at one index."""
     limit, most = LIMITS[setup.values["roulette"]], min(setup.max_bounces or LONGEST, LONGEST)
     facets = setup.ndf, setup.alpha_x, setup.alpha_y
 
@@ -127,11 +127,11 @@ def _road(setup: Setup, n: float, heights: bool, least: int) -> Road:
             return np.zeros((theta_i.size, 0, 1))
         return single_bounce(*facets, n, heights, vectors(theta_i, phi_i), vectors(theta_o, phi_i + phi))[:, None, None]
 
-    return Road(draw, lambda o: view_terms(setup, heights, o), np.ones((1, 1)), single, shared=True, below=n)
+    return PathSampler(draw, lambda o: view_terms(setup, heights, o), np.ones((1, 1)), single, shared=True, below=n)
 
 
-def transmitting(setup: Setup, heights: bool, least: int = 2) -> list[Road]:
-    """Return the roads of path tracing over facets that reflect and refract, one for each channel.
+def transmitting(setup: Setup, heights: bool, least: int = 2) -> list[PathSampler]:
+    """Return the path samplers of path tracing over facets that reflect and refract, one for each channel.
 
     Directions after a refraction depend on the index, so that channels of different index cannot share walks.
 
@@ -143,4 +143,4 @@ def transmitting(setup: Setup, heights: bool, least: int = 2) -> list[Road]:
         As in `reflecting.reflecting`.
     """
     assert setup.fresnel is not None
-    return [_road(setup, float(n), heights, least) for n in setup.fresnel.a]
+    return [_path_sampler(setup, float(n), heights, least) for n in setup.fresnel.a]

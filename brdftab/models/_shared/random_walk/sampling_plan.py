@@ -15,7 +15,7 @@ from brdftab.typing import Array
 
 
 @dataclass(frozen=True)
-class Road:
+class PathSampler:
     """A way of drawing paths, for one or more channels.
 
     Attributes
@@ -50,26 +50,26 @@ def layers(setup: Setup, orders: int) -> int:
     return len(component_names(setup, orders)) if orders else 1
 
 
-def _rows(road: Road, angles: tuple[Array, ...], lights: Array, identities: Whole, offsets: Whole) -> Rows:
+def _rows(sampler: PathSampler, angles: tuple[Array, ...], lights: Array, identities: Whole, offsets: Whole) -> Rows:
     """Return cells at `angles` (M,) as rows, dark where light or view are at the horizon or on a side without light."""
     theta_i, theta_o, phi, phi_i = angles
-    views = road.views(vectors(theta_o, phi_i + phi))
+    views = sampler.views(vectors(theta_o, phi_i + phi))
     ci, co = np.cos(theta_i), np.cos(theta_o)
-    lit = np.minimum(np.abs(ci), np.abs(co)) > HORIZON if road.below else np.minimum(ci, co) > HORIZON
+    lit = np.minimum(np.abs(ci), np.abs(co)) > HORIZON if sampler.below else np.minimum(ci, co) > HORIZON
     views[~lit, 3] = 0.0
-    return Rows(lights, identities, views, offsets, lambda some: road.known(*(a[some] for a in angles)))
+    return Rows(lights, identities, views, offsets, lambda some: sampler.known(*(a[some] for a in angles)))
 
 
 def _estimate(
-    setup: Setup, road: Road, rows: Rows, orders: int, tolerance: float, progress: Progress | None = None
+    setup: Setup, sampler: PathSampler, rows: Rows, orders: int, tolerance: float, progress: Progress | None = None
 ) -> Estimates:
-    """Draw a road's cells; the error of its second component holds what its quadrature leaves beside the noise."""
+    """Draw a path sampler's cells; the error of the second component holds what its quadrature leaves, too."""
     count = layers(setup, orders)
-    found = estimate(road.draw, rows, count, road.weights, setup.values["samples"], tolerance, progress)
-    if road.left == 0.0 or count == 1:
+    found = estimate(sampler.draw, rows, count, sampler.weights, setup.values["samples"], tolerance, progress)
+    if sampler.left == 0.0 or count == 1:
         return found
     errors = found.component_errors.copy()
-    errors[:, 1] = np.hypot(errors[:, 1], road.left * np.abs(found.values.sum(axis=1)).max(axis=1, keepdims=True))
+    errors[:, 1] = np.hypot(errors[:, 1], sampler.left * np.abs(found.values.sum(axis=1)).max(axis=1, keepdims=True))
     return replace(found, component_errors=errors)
 
 
@@ -96,24 +96,29 @@ def _grazing_light(theta_i: Array, theta_o: Array, phi: Array, phi_i: Array) -> 
     return *ends, np.where(turn, -phi, phi), np.where(turn, phi_o, phi_i)
 
 
-def at_points(setup: Setup, roads: list[Road], angles: tuple[Array, ...], orders: int, tolerance: float) -> Estimates:
+def at_points(
+    setup: Setup, samplers: list[PathSampler], angles: tuple[Array, ...], orders: int, tolerance: float
+) -> Estimates:
     """Estimate at N pairs of directions (radians): values (N, P, C); each point draws paths of its own."""
     if setup.isotropic:
         # only phi counts, and equal phi give equal estimates
         angles = (*angles[:3], np.zeros_like(angles[3]))
-    if roads[0].shared and not roads[0].below:
+    if samplers[0].shared and not samplers[0].below:
         angles = _grazing_light(*angles)
     theta_i, _, _, phi_i = angles
     index = np.arange(len(theta_i) + 1, dtype=np.int64)
     lights = vectors(theta_i, phi_i)
     return _joined(
-        [_estimate(setup, road, _rows(road, angles, lights, index[:-1], index), orders, tolerance) for road in roads]
+        [
+            _estimate(setup, sampler, _rows(sampler, angles, lights, index[:-1], index), orders, tolerance)
+            for sampler in samplers
+        ]
     )
 
 
 def on_grid(
     setup: Setup,
-    roads: list[Road],
+    samplers: list[PathSampler],
     axes: dict[str, Array],
     orders: int,
     tolerance: float,
@@ -123,23 +128,23 @@ def on_grid(
     layout = Layout.of(axes)
     angles = layout.angles()
     parts = []
-    for number, road in enumerate(roads):
-        if road.shared:
+    for number, sampler in enumerate(samplers):
+        if sampler.shared:
             lights = vectors(*layout.incoming.T)
-            rows = _rows(road, angles, lights, np.arange(len(lights), dtype=np.int64), layout.offsets())
+            rows = _rows(sampler, angles, lights, np.arange(len(lights), dtype=np.int64), layout.offsets())
         else:
             row, column, step = layout.cells()
             name = (row * len(layout.outgoing) + column) * len(layout.phi) + step
-            rows = _rows(road, angles, vectors(angles[0], angles[3]), name, np.arange(len(name) + 1, dtype=np.int64))
+            rows = _rows(sampler, angles, vectors(angles[0], angles[3]), name, np.arange(len(name) + 1, dtype=np.int64))
 
         def report(share: float, number: int = number) -> None:
             if progress is not None:
-                progress((number + share) / len(roads))
+                progress((number + share) / len(samplers))
 
-        found = _estimate(setup, road, rows, orders, tolerance, report)
+        found = _estimate(setup, sampler, rows, orders, tolerance, report)
         swap = None
-        if road.below:
-            swap = np.where(angles[0] < 0.5 * np.pi, 1.0, road.below**2)
-            swap /= np.where(angles[1] < 0.5 * np.pi, 1.0, road.below**2)
+        if sampler.below:
+            swap = np.where(angles[0] < 0.5 * np.pi, 1.0, sampler.below**2)
+            swap /= np.where(angles[1] < 0.5 * np.pi, 1.0, sampler.below**2)
         parts.append(layout.spread(found, swap))
     return _joined(parts)

@@ -139,7 +139,7 @@ def _fill(theta_i, theta_o, alpha, mirrored, model, squares, squares64, zones, p
             _rows(i, stop, mirrored, model, lights, views, squares, squares64, zones, phase, count, out)
 
 
-class SingleBounceTable:
+class SingleBounceEvaluator:
     """A prepared isotropic single-bounce setup (see `build`)."""
 
     def __init__(self, setup: Setup, masking: int, tolerance: float) -> None:
@@ -199,7 +199,7 @@ class SingleBounceTable:
         )
 
 
-def build(setup: Setup, masking: int, tolerance: float) -> SingleBounceTable | None:
+def build(setup: Setup, masking: int, tolerance: float) -> SingleBounceEvaluator | None:
     """Return a prepared table where the setup is isotropic and polynomials hold its reflectance, else None.
 
     Parameters
@@ -213,5 +213,5 @@ def build(setup: Setup, masking: int, tolerance: float) -> SingleBounceTable | N
     """
     if not setup.isotropic or setup.fresnel is None:
         return None
-    table = SingleBounceTable(setup, masking, tolerance)
+    table = SingleBounceEvaluator(setup, masking, tolerance)
     return table if table.holds() else None

@@ -23,7 +23,7 @@ MARGIN = 0.25
 REACH = 1e-5
 
 
-class Prepared:
+class CavityEvaluator:
     """One isotropic setup with bounces 2 or inf, ready for points and product grids.
 
     Parameters
@@ -104,7 +104,7 @@ class Prepared:
                 out[:i, i] += row[:i]
 
 
-def prepare_cavity(setup: Setup, prepare: Prepare, tolerance: float, trial: bool = False) -> Prepared | None:
+def prepare_cavity(setup: Setup, prepare: Prepare, tolerance: float, trial: bool = False) -> CavityEvaluator | None:
     """Return the fast evaluation of an isotropic setup with bounces 2 or inf, or None where the tolerance is too tight.
 
     Parameters
@@ -121,4 +121,4 @@ def prepare_cavity(setup: Setup, prepare: Prepare, tolerance: float, trial: bool
     if not setup.isotropic or tolerance < REACH:
         return None
     single = prepare(resolve("ilm", **{**setup.parameters, "bounces": "1"}), tolerance, 0, trial)
-    return None if single is None else Prepared(setup, single, tolerance, trial)
+    return None if single is None else CavityEvaluator(setup, single, tolerance, trial)

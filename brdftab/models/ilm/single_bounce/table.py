@@ -64,7 +64,7 @@ def _above(theta: Array) -> tuple[NDArray[np.int64], Array]:
     return index, np.ascontiguousarray(theta[index], dtype=np.float64)
 
 
-class Prepared:
+class BodyEvaluator:
     """An isotropic single-bounce setup of interfaced Lambertian facets, ready for points and product grids.
 
     Attributes
@@ -179,4 +179,4 @@ def prepare(setup: Setup, tolerance: float, orders: int = 0, trial: bool = False
         return prepare_cavity(setup, prepare, tolerance, trial)
     if not setup.isotropic or tolerance < REACH:
         return None
-    return Prepared(setup, tolerance)
+    return BodyEvaluator(setup, tolerance)

@@ -89,7 +89,7 @@ def _seen(theta: Array) -> Index:
     return np.flatnonzero(np.abs(np.cos(theta)) > HORIZON)
 
 
-class Prepared:
+class DielectricEvaluator:
     """An isotropic dielectric ready for points and product grids.
 
     Parameters
@@ -184,7 +184,7 @@ def _twins(some: Array, others: Array) -> Index:
     return np.where(others[order[at]] == some, order[at], -1)
 
 
-def prepare(setup: Setup, tolerance: float, orders: int = 0, trial: bool = False) -> Prepared:
+def prepare(setup: Setup, tolerance: float, orders: int = 0, trial: bool = False) -> DielectricEvaluator:
     """Return the tables of an isotropic dielectric.
 
     Parameters
@@ -198,11 +198,11 @@ def prepare(setup: Setup, tolerance: float, orders: int = 0, trial: bool = False
     orders : int
         0 for the total, else the number of bounce orders kept apart.
     """
-    return Prepared(setup, 1.0 if trial else tolerance, orders)
+    return DielectricEvaluator(setup, 1.0 if trial else tolerance, orders)
 
 
 def points(
     setup: Setup, theta_i: Array, theta_o: Array, phi: Array, phi_i: Array, *, orders: int, tolerance: float
 ) -> Array:
-    """Evaluate at N pairs of directions (radians); returns (N, P, C) in 1/sr, see `Prepared.points`."""
-    return Prepared(setup, tolerance, orders).points(theta_i, theta_o, phi, phi_i)
+    """Evaluate at N pairs of directions (radians); returns (N, P, C) in 1/sr, see `DielectricEvaluator.points`."""
+    return DielectricEvaluator(setup, tolerance, orders).points(theta_i, theta_o, phi, phi_i)

@@ -10,17 +10,17 @@ import numpy as np
 
 from brdftab.models._shared.random_walk.estimates import Estimates
 from brdftab.models._shared.random_walk.exits import mean_exit, split_exit
-from brdftab.models._shared.random_walk.sampling_plan import Road, at_points, on_grid
+from brdftab.models._shared.random_walk.sampling_plan import PathSampler, at_points, on_grid
 from brdftab.models.resolve import Setup
 from brdftab.typing import Array
 
 __all__ = ["Estimates", "albedo", "estimate_table", "estimates", "points", "split_albedo"]
 
 
-def _roads(setup: Setup, tolerance: float) -> list[Road]:
+def _path_samplers(setup: Setup, tolerance: float) -> list[PathSampler]:
     """Return how the setup's estimator draws its paths; only its own kernels are imported."""
     module: Any = importlib.import_module(f"{__name__}.{setup.values['estimator']}")
-    found: list[Road] = module.roads(setup, tolerance)
+    found: list[PathSampler] = module.path_samplers(setup, tolerance)
     return found
 
 
@@ -45,7 +45,7 @@ def estimates(
     Estimates
         values (N, P, C) in 1/sr, standard_error (N, C), component_errors (N, P, C), samples (N,).
     """
-    return at_points(setup, _roads(setup, tolerance), (theta_i, theta_o, phi, phi_i), orders, tolerance)
+    return at_points(setup, _path_samplers(setup, tolerance), (theta_i, theta_o, phi, phi_i), orders, tolerance)
 
 
 def points(
@@ -82,7 +82,7 @@ def estimate_table(
     Estimates
         values (P, *shape, C) in 1/sr, standard_error (*shape, C), component_errors as values, samples (*shape).
     """
-    return on_grid(setup, _roads(setup, tolerance), axes, orders, tolerance, progress)
+    return on_grid(setup, _path_samplers(setup, tolerance), axes, orders, tolerance, progress)
 
 
 def albedo(setup: Setup, theta_i: Array, phi_i: float, tolerance: float) -> Array:

@@ -28,7 +28,7 @@ from brdftab.models._shared.random_walk.normals import visible_normal
 from brdftab.models._shared.random_walk.reflecting import LONGEST
 from brdftab.models._shared.random_walk.rng import uniforms
 from brdftab.models._shared.random_walk.rows import add_squares
-from brdftab.models._shared.random_walk.sampling_plan import Road
+from brdftab.models._shared.random_walk.sampling_plan import PathSampler
 from brdftab.models._shared.random_walk.terms import facet, segment
 from brdftab.models._shared.random_walk.trace import thin_out
 from brdftab.models._shared.single_bounce.single import evaluate_points
@@ -147,8 +147,8 @@ def _draw(
             )  # fmt: skip
 
 
-def road(setup: Setup, tolerance: float, least: int, known: Callable[..., Array]) -> Road:
-    """Return the road of connections of order `least` and above; `known` gives the components before them."""
+def path_sampler(setup: Setup, tolerance: float, least: int, known: Callable[..., Array]) -> PathSampler:
+    """Return the path sampler of connections of order `least` and above; `known` gives the components before them."""
     fresnel = thinned(setup, 0.1 * tolerance)
     term = arguments(fresnel, 0.1 * tolerance)
     weights = np.ascontiguousarray(fresnel.weights, dtype=np.float64)
@@ -164,13 +164,13 @@ def road(setup: Setup, tolerance: float, least: int, known: Callable[..., Array]
     def views(directions: Array) -> Array:
         return np.concatenate([directions, np.ones((len(directions), 1))], axis=1)
 
-    return Road(draw, views, weights, known, shared=False)
+    return PathSampler(draw, views, weights, known, shared=False)
 
 
-def roads(setup: Setup, tolerance: float) -> list[Road]:
+def path_samplers(setup: Setup, tolerance: float) -> list[PathSampler]:
     """Return how paths are drawn: orders two and above, all wavelengths together."""
 
     def single(theta_i: Array, theta_o: Array, phi: Array, phi_i: Array) -> Array:
         return evaluate_points(setup, SEPARABLE, theta_i, theta_o, phi, phi_i)
 
-    return [road(setup, tolerance, 2, single)]
+    return [path_sampler(setup, tolerance, 2, single)]

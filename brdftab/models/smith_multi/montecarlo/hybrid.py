@@ -9,7 +9,7 @@ import numpy as np
 from brdftab.models._shared.codes import SEPARABLE
 from brdftab.models._shared.fresnel.project import arguments, thinned
 from brdftab.models._shared.random_walk.layout import vectors
-from brdftab.models._shared.random_walk.sampling_plan import Road
+from brdftab.models._shared.random_walk.sampling_plan import PathSampler
 from brdftab.models._shared.single_bounce.single import evaluate_points
 from brdftab.models.resolve import Setup
 from brdftab.models.smith_multi.montecarlo import bdpt
@@ -20,7 +20,7 @@ from brdftab.typing import Array
 _TIGHTEST = 1e-8
 
 
-def roads(setup: Setup, tolerance: float) -> list[Road]:
+def path_samplers(setup: Setup, tolerance: float) -> list[PathSampler]:
     """Return how paths are drawn: orders three and above; the second bounce is good to half the tolerance."""
     asked = max(0.5 * tolerance, _TIGHTEST)
     fresnel = thinned(setup, asked)
@@ -36,4 +36,4 @@ def roads(setup: Setup, tolerance: float) -> list[Road]:
         second_bounces(setup.ndf, setup.alpha_x, setup.alpha_y, i, o, *term, floor, asked, second)
         return np.concatenate([first, (second @ fresnel.weights)[:, None]], axis=1)
 
-    return [replace(bdpt.road(setup, tolerance, 3, known), left=asked)]
+    return [replace(bdpt.path_sampler(setup, tolerance, 3, known), left=asked)]

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from brdftab.models._shared.random_walk.reflecting import reflecting
 from brdftab.models._shared.random_walk.refracting import transmitting
-from brdftab.models._shared.random_walk.sampling_plan import Road
+from brdftab.models._shared.random_walk.sampling_plan import PathSampler
 from brdftab.models.resolve import Setup
 
 
-def roads(setup: Setup, tolerance: float) -> list[Road]:
-    """Return how paths are drawn: all wavelengths together, or a road for each refractive index."""
+def path_samplers(setup: Setup, tolerance: float) -> list[PathSampler]:
+    """Return how paths are drawn: all wavelengths together, or a path sampler for each refractive index."""
     return transmitting(setup, heights=False) if setup.transmits else [reflecting(setup, tolerance, heights=False)]

@@ -50,7 +50,7 @@ def nodes(
     Returns
     -------
     dict of str to ndarray
-        Its keys tell which of the roads is taken; see `_axes`, `_pairs` and `_reflectance`.
+        Its keys tell which of the path samplers is taken; see `_axes`, `_pairs` and `_reflectance`.
     """
     if max_bounces == 1:
         return {}

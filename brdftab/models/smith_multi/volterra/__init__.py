@@ -8,9 +8,9 @@ from brdftab.models.resolve import Setup
 from brdftab.models.smith_multi.volterra.energy import albedo
 from brdftab.models.smith_multi.volterra.points import evaluate
 from brdftab.models.smith_multi.volterra.settings import FINEST, settings
-from brdftab.models.smith_multi.volterra.table import Prepared
+from brdftab.models.smith_multi.volterra.table import VolterraEvaluator
 
-__all__ = ["FINEST", "Prepared", "albedo", "points", "prepare"]
+__all__ = ["FINEST", "VolterraEvaluator", "albedo", "points", "prepare"]
 
 
 def points(
@@ -27,6 +27,6 @@ def points(
     return evaluate(setup, theta_i, theta_o, phi, phi_i, orders, settings(setup.ndf, tolerance))
 
 
-def prepare(setup: Setup, tolerance: float, orders: int = 0, trial: bool = False) -> Prepared:
+def prepare(setup: Setup, tolerance: float, orders: int = 0, trial: bool = False) -> VolterraEvaluator:
     """Return the tables of an isotropic reflecting setup at a relative tolerance; `trial` only compiles."""
-    return Prepared(setup, tolerance, trial, orders)
+    return VolterraEvaluator(setup, tolerance, trial, orders)

@@ -53,12 +53,12 @@ def _add(front, tilt, a2, u0, u1, u2, first, last, out):
 
 
 @kernel
-def _run(orders, tables, bend, road, first, last, kappa, tilt, a2, front, work, out):
-    """Add all orders of one term at first:last, which share the road; out (W, M, B)."""
+def _run(orders, tables, bend, branch, first, last, kappa, tilt, a2, front, work, out):
+    """Add all orders of one term at first:last, which share the branch; out (W, M, B)."""
     series, width, lowest = tables
     ratio, rows, u0, u1, u2 = work
     top = rows.shape[0] - 2
-    if road == 1 and top >= 0:
+    if branch == 1 and top >= 0:
         miller(kappa, first, last, top, ratio, rows)
     for i in range(orders.size):
         nu = orders[i]
@@ -68,9 +68,9 @@ def _run(orders, tables, bend, road, first, last, kappa, tilt, a2, front, work, 
             last -= 1
         if first == last:
             break
-        if road == 1 and nu <= top and nu == int(nu):
+        if branch == 1 and nu <= top and nu == int(nu):
             integer_order(int(nu), kappa, first, last, rows, u0, u1, u2)
-        elif road == 1 and nu < SPLIT:
+        elif branch == 1 and nu < SPLIT:
             for b in range(first, last):
                 u0[b], u1[b], u2[b] = small(nu, kappa[b])
         else:
@@ -87,7 +87,7 @@ def _fill(cross, dz2, tilt, orders, top, tables, bend, alpha, depth, spread, nea
     scratch = np.empty((5, size))
     kappa, a2 = scratch[0], scratch[1]
     work = (np.empty((top + 2, size)), np.empty((top + 2, size)), scratch[2], scratch[3], scratch[4])
-    road = np.zeros(size, np.int64)
+    branch = np.zeros(size, np.int64)
     front, values = np.empty((waves, size)), np.empty((times.size, waves, size))
     for w in range(waves):
         for i in range(out.shape[1]):
@@ -96,16 +96,16 @@ def _fill(cross, dz2, tilt, orders, top, tables, bend, alpha, depth, spread, nea
     local_values(times, kind, fa, fb, alpha, cross, dz2, tilt, values)
     for j in range(max(rates.size, scales.size)):
         if rates.size > 0:
-            local_term(rates[j], matrix[j], alpha, cross, dz2, tilt, values, kappa, a2, road, front)
+            local_term(rates[j], matrix[j], alpha, cross, dz2, tilt, values, kappa, a2, branch, front)
         else:
-            global_term(scales[j], coefficients[j], alpha, depth, cross, dz2, tilt, kappa, a2, road, front)
+            global_term(scales[j], coefficients[j], alpha, depth, cross, dz2, tilt, kappa, a2, branch, front)
         last = 0
         while last < size:
             first = last
-            while last < size and road[last] == road[first]:
+            while last < size and branch[last] == branch[first]:
                 last += 1
-            if road[first] > 0:
-                _run(orders, tables, bend, road[first], first, last, kappa, tilt, a2, front, work, out)
+            if branch[first] > 0:
+                _run(orders, tables, bend, branch[first], first, last, kappa, tilt, a2, front, work, out)
 
 
 @parallel_kernel

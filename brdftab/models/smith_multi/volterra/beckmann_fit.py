@@ -1,6 +1,6 @@
 """Fresnel reflectance as a constant and exponentials in X = 4 cos^2, the form that keeps Beckmann's modes closed.
 
-Two roads. `fit` serves all X at once, with some 20 exponentials at 1e-4. A pair of directions sees only X = X_0 (1 +
+Two ways. `fit` serves all X at once, with some 20 exponentials at 1e-4. A pair of directions sees only X = X_0 (1 +
 s t) under the weight exp(-t) of the normals, s <= alpha^2: where alpha is small two to six exponentials in t serve,
 the same for all pairs (`local`), with coefficients from the exact reflectance at a few points of each pair.
 """

@@ -23,14 +23,14 @@ def pair(beta_a, beta_b):
 
 
 @kernel
-def global_term(y, coefficients, alpha, depth, cross, dz2, tilt, kappa, a2, road, front):
+def global_term(y, coefficients, alpha, depth, cross, dz2, tilt, kappa, a2, branch, front):
     """Fill what a term exp(-y X) of the reflectance needs: kappa, alpha^2 with it, all factors but the modes (W, B).
 
-    road: 0 where the term does not count, 1 where kappa < 25, 2 above.
+    branch: 0 where the term does not count, 1 where kappa < 25, 2 above.
     """
     wide = 1.0 / (alpha * alpha)
     for b in range(cross.size):
-        road[b] = 0
+        branch[b] = 0
         lost = y * dz2[b]
         narrow = wide + lost
         e = tilt[b] * narrow + lost
@@ -40,7 +40,7 @@ def global_term(y, coefficients, alpha, depth, cross, dz2, tilt, kappa, a2, road
             scale = math.exp(-e) * wide / (4.0 * math.pi)
             for w in range(coefficients.size):
                 front[w, b] = coefficients[w] * scale
-            road[b] = 2 if kappa[b] >= SPLIT else 1
+            branch[b] = 2 if kappa[b] >= SPLIT else 1
 
 
 @kernel
@@ -59,12 +59,12 @@ def local_values(times, kind, fa, fb, alpha, cross, dz2, tilt, values):
 
 
 @kernel
-def local_term(rate, matrix, alpha, cross, dz2, tilt, values, kappa, a2, road, front):
+def local_term(rate, matrix, alpha, cross, dz2, tilt, values, kappa, a2, branch, front):
     """Do as `global_term` for a term exp(-rate t), t = kappa (1 - cos phi)."""
     wide = 1.0 / (alpha * alpha)
     narrow = wide * (1.0 + rate)
     for b in range(cross.size):
-        road[b] = 0
+        branch[b] = 0
         if dz2[b] > 0.0 and tilt[b] * wide < FAINTEST:
             a2[b] = 1.0 / narrow
             kappa[b] = cross[b] * narrow / dz2[b]
@@ -73,4 +73,4 @@ def local_term(rate, matrix, alpha, cross, dz2, tilt, values, kappa, a2, road, f
                 for k in range(matrix.size):
                     total += matrix[k] * values[k, w, b]
                 front[w, b] = total
-            road[b] = 2 if kappa[b] >= SPLIT else 1
+            branch[b] = 2 if kappa[b] >= SPLIT else 1

@@ -4,7 +4,7 @@ J = exp(-kappa) I_nu(kappa), u1 = -kappa J' and u2 = kappa^2 J'': the azimuth mo
 1, kappa (1 - cos phi) and its square. All three are computed without the cancellation of I - I' (they differ in the
 digit 1/kappa), so that kappa may be 1e12 and more.
 
-Two roads, split at kappa = 25:
+Two ways, split at kappa = 25:
 - the uniform (Debye) expansion in 1/r, r = sqrt(nu^2 + kappa^2) (NIST DLMF 10.41.3 with 10.41.10), as a series of its
   logarithm; it holds for kappa >= 25 at any order and for nu >= 25 at any kappa. At a fixed order its sums depend on
   1/r alone: three polynomials an order;

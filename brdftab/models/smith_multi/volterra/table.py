@@ -135,7 +135,7 @@ def _fill(rows, columns, square, axes, lowest, solved, matrix, lift, place, surf
                             out[p, o, at, f, c] = cells[p, place[f], c]
 
 
-class Prepared:
+class VolterraEvaluator:
     """An isotropic reflecting setup, ready for points and product grids.
 
     Attributes
