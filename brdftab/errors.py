@@ -64,10 +64,6 @@ class SingularDirectionError(ParameterError):
     """A point value was asked for where the model's density is infinite."""
 
 
-class ToleranceError(BrdftabError):
-    """The asked tolerance cannot be reached by any rule that the model has."""
-
-
 class FileFormatError(BrdftabError, ValueError):
     """A file is truncated, foreign, hostile or lacks what a brdftab table must state."""
 

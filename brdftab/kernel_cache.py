@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 from numba.core.dispatcher import Dispatcher
+from numba.core.extending import _Intrinsic
 
 from brdftab.system import cache_folder
 
@@ -84,6 +85,9 @@ def _tokens(value: Any, seen: set[int]) -> Iterator[str]:
         yield f"array {value.dtype.str} {value.shape} {hashlib.sha256(value.tobytes()).hexdigest()}"
     elif value is None or isinstance(value, bool | int | float | complex | str | bytes | np.generic | np.dtype):
         yield f"{type(value).__name__} {value!r}"
+    elif isinstance(value, _Intrinsic):
+        # what it writes into the program is made by a function within its definition
+        yield from _tokens(value._defn, seen)
     elif isinstance(value, types.ModuleType):
         yield f"module {value.__name__}"
     elif hasattr(value, "__qualname__") and getattr(value, "__module__", None):

@@ -12,10 +12,12 @@ from pathlib import Path
 import numba
 import pytest
 from numba.core.dispatcher import Dispatcher
+from numba.core.extending import _Intrinsic
 
 import brdftab
 from brdftab.jit import kernel
-from brdftab.kernel_cache import ORIGIN, PACKAGE, fingerprint, folder, prepare_folder
+from brdftab.kernel_cache import ORIGIN, PACKAGE, _tokens, fingerprint, folder, prepare_folder
+from brdftab.models._shared.single_bounce import streaming
 
 # prints a value, which kernels of the cache were read and which compiled
 PROBE = """
@@ -180,3 +182,13 @@ def test_kernels_are_kept_below_the_folder_that_is_asked():
     assert str(folder()).startswith(os.environ.get("NUMBA_CACHE_DIR", str(Path.home())))
     assert numba.config.CACHE_DIR in ("", os.environ.get("NUMBA_CACHE_DIR", ""))
     assert brdftab.__version__
+
+
+def test_the_definition_of_an_intrinsic_counts():
+    """What an intrinsic writes into a program is made by a function that no kernel calls."""
+    found = [v for v in vars(streaming).values() if isinstance(v, _Intrinsic)]
+    assert found
+    for one in found:
+        told = list(_tokens(one, set()))
+        assert told[0] == f"function {streaming.__name__}.{one._defn.__qualname__}"
+        assert len(told) > 5

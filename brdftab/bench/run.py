@@ -23,6 +23,7 @@ from brdftab.bench.reference import Reference, converge
 from brdftab.bench.timing import forget, timed
 from brdftab.errors import BrdftabError, ParameterError
 from brdftab.evaluation.engine import Progress
+from brdftab.evaluation.points import is_stochastic
 from brdftab.models.resolve import Setup, resolve
 from brdftab.system import machine
 from brdftab.tables.grid import Grid
@@ -119,7 +120,7 @@ def positions(setup: Setup, grid: Grid | str | None, quick: bool) -> Grid:
 def families(setup: Setup, grid: Grid, effort: Effort, peer: bool) -> Iterator[list[Method]]:
     """Yield the methods of a setup, a list a family, in the order in which they are measured."""
     found: list[Method] = []
-    if not ways.is_stochastic(setup):
+    if not is_stochastic(setup):
         found += ways.ladder(setup, grid, effort.tolerances, fast=False)
         prepared = ways.ladder(setup, grid, effort.tolerances, fast=True)
         found += prepared

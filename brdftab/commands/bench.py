@@ -64,6 +64,7 @@ def _one_of_many(command: Callable[..., Any]) -> Callable[..., Any]:
 @click.pass_context
 def bench(
     ctx: click.Context,
+    /,
     model: str | None,
     everything: bool,
     list_file: str | None,

@@ -12,7 +12,7 @@ from brdftab.models import names, spec
 from brdftab.models.declaration import Param
 
 
-class Numbers(click.ParamType):
+class Numbers(click.ParamType):  # type: ignore[type-arg]  # generic in some versions of click
     """One number, or several separated by commas."""
 
     name = "number[,number...]"

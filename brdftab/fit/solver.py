@@ -16,7 +16,8 @@ import jax
 import jax.numpy as jnp
 import optimistix as optx
 
-from brdftab.fit.normal_equations import Problem, Sums, compress, sums
+from brdftab.fit.normal_equations import Sums, compress, sums
+from brdftab.fit.program import Problem
 
 SOLVERS = ("levenberg-marquardt", "dogleg")
 MAX_STEPS = 200
@@ -29,7 +30,7 @@ class _Step(eqx.Module):
     f_info: Any
 
 
-class BoxDescent(optx.AbstractDescent):
+class BoxDescent(optx.AbstractDescent[Any, Any, Any]):
     """Marquardt-damped Gauss-Newton step on the free set of a box.
 
     Attributes
@@ -85,14 +86,14 @@ class BoxDescent(optx.AbstractDescent):
         return jnp.clip(y + d, self.low, self.high) - y, optx.RESULTS.successful
 
 
-class BoxLevenbergMarquardt(optx.AbstractGaussNewton):
+class BoxLevenbergMarquardt(optx.AbstractGaussNewton[Any, Any, Any]):
     """Levenberg-Marquardt in a box, stopped when the promised decrease of the cost is a small share of it."""
 
     rtol: float
     atol: float
     norm: Callable[..., Any]
     descent: BoxDescent
-    search: optx.ClassicalTrustRegion
+    search: optx.ClassicalTrustRegion[Any]
     verbose: Callable[..., None]
     promise: Any
 

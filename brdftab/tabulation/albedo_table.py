@@ -30,7 +30,6 @@ from brdftab.typing import Array
 
 FORMAT = "brdftab-albedo"
 COSINES = 32
-SIDES = {"above": 1.0, "below": -1.0}
 # angles a row at which the quadrature is checked against a finer one, a looser one against a fourth of its tolerance
 CHECKS, FINER, FINER_LOOSE = 3, 0.1, 0.25
 MEANINGS = {

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.models._shared.sampling.sampling import (
-    Array,
     angles,
     facet_pdf,
     facet_slopes,
@@ -21,6 +20,7 @@ from brdftab.models._shared.sampling.sampling import (
     unit,
 )
 from brdftab.models.resolve import Setup
+from brdftab.typing import Array
 
 
 def sample(

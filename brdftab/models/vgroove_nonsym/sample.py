@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.models._shared.sampling.sampling import (
-    Array,
     angles,
     facet_slopes,
     mirror_pdf,
@@ -24,6 +23,7 @@ from brdftab.models._shared.sampling.sampling import (
 )
 from brdftab.models.resolve import Setup
 from brdftab.models.vgroove_nonsym import kernel
+from brdftab.typing import Array
 
 
 def sample(

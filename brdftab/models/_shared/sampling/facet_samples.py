@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from brdftab.models._shared.codes import PHONG
 from brdftab.models._shared.sampling.sampling import (
-    Array,
     angles,
     facet_pdf,
     half_vectors,
@@ -22,6 +21,7 @@ from brdftab.models._shared.sampling.sampling import (
     visible_normals,
 )
 from brdftab.models.resolve import Setup
+from brdftab.typing import Array
 
 
 def sample(

@@ -17,7 +17,6 @@ from brdftab.models._shared.codes import GAUSSIAN
 from brdftab.models._shared.facets.flat import mirror_reflectance
 from brdftab.models._shared.fresnel.interface import body_factor, external_reflectance, transmission
 from brdftab.models._shared.sampling.sampling import (
-    Array,
     angles,
     cosine_hemisphere,
     cosine_pdf,
@@ -30,6 +29,7 @@ from brdftab.models._shared.sampling.sampling import (
     visible_normals,
 )
 from brdftab.models.resolve import Setup
+from brdftab.typing import Array
 
 # interreflections leave in all directions, also from a black body
 MOST_SPECULAR = 0.9

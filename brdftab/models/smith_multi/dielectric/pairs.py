@@ -20,7 +20,6 @@ from brdftab.models.smith_multi.dielectric.series import TOP, Part, chebyshev
 from brdftab.models.smith_multi.dielectric.solve import (
     Block,
     Directions,
-    Index,
     Matrices,
     States,
     System,
@@ -30,7 +29,7 @@ from brdftab.models.smith_multi.dielectric.solve import (
 )
 from brdftab.models.smith_multi.dielectric.states import CLOSE, LOWEST, Side, build
 from brdftab.quadrature import unit_gauss
-from brdftab.typing import Array
+from brdftab.typing import Array, Index
 
 Rows = tuple[Array, Array]
 # pairs whose rows are held at a time
