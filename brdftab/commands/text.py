@@ -35,11 +35,11 @@ def clean(text: str) -> str:
 def tell_compiling(model: str) -> None:
     """Say once, on stderr, that kernels are about to be compiled."""
     from brdftab.kernel_cache import has_compiled
-    from brdftab.models import package
+    from brdftab.models import package, spec
 
     parts = [package(model)]
-    # models of single bounces have no kernels of their own
-    parts += ["brdftab.models._shared.single_bounce"] if model != "lambert" else []
+    # models of single bounces off facets have no kernels of their own
+    parts += ["brdftab.models._shared.single_bounce"] if spec(model).ndfs else []
     if not any(has_compiled(part) for part in parts):
         click.echo(
             f"brdftab: compiling kernels for {model}: the first run takes up to a minute, later ones start at once",

@@ -79,8 +79,10 @@ class Model:
     singular : bool
         True where the density is infinite at the mirror direction, so that a cell there holds an average.
     kinked : bool
-        True where the masking of a V-cavity sets in with an edge (with ``masking = smith`` it does not), so that tables
+        True where the masking of a V-cavity sets in with an edge, so that tables
         to be interpolated are looked at more closely.
+    unkinked : mapping
+        Words of choices with which a kinked model has no such edge.
     multibounce : bool
         True where ``max_bounces`` applies.
     citation, doi : str
@@ -118,6 +120,7 @@ class Model:
     errata: str = ""
     singular: bool = False
     kinked: bool = False
+    unkinked: Mapping[str, str] = field(default_factory=dict)
     multibounce: bool = False
     transmits: bool = False
     reciprocal: bool = True

@@ -60,6 +60,11 @@ class Setup:
         return self.model.transmits and self.fresnel is not None and self.fresnel.kind == builders.DIELECTRIC
 
     @property
+    def kinked(self) -> bool:
+        """True where the masking sets in with an edge, see `Model`."""
+        return self.model.kinked and not any(self.values.get(n) == word for n, word in self.model.unkinked.items())
+
+    @property
     def isotropic(self) -> bool:
         """True when the BRDF depends on phi_o - phi_i only."""
         return self.alpha_x == self.alpha_y and not self.model.grain

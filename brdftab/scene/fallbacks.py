@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from brdftab.models.resolve import resolve
 from brdftab.scene.plan import Item, Planned
-from brdftab.scene.planner import resolved, with_margin
+from brdftab.scene.positions import resolved, with_margin
 
 
 def is_doubtful(item: Item) -> bool:

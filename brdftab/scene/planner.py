@@ -10,12 +10,10 @@ from brdftab.errors import GridError, ParameterError
 from brdftab.evaluation.points import is_stochastic
 from brdftab.models.resolve import Setup, luminance
 from brdftab.scene import albedo, scratch_layers
-from brdftab.scene.bounce_zones import engine as engine_of
 from brdftab.scene.bounce_zones import fewer_near_the_normal
-from brdftab.scene.cost import half_of, seconds, stored
+from brdftab.scene.cost import half_of, stored
 from brdftab.scene.plan import SHARES, Item, Plan, Planned
-from brdftab.scene.resolution_anisotropic import keep_azimuths
-from brdftab.scene.resolution_isotropic import keep, pace
+from brdftab.scene.positions import both, resolved, share_saved
 from brdftab.scene.scene import Material, Scene
 from brdftab.scene.simplify import reduced
 from brdftab.scene.subgrid import quarter, reached
@@ -27,9 +25,6 @@ from brdftab.timing import Clock
 PAIRS = 192
 # a share of the quadratures' own tolerance that estimates with noise ask, so that five standard errors stay below
 NOISE = 0.2
-# what interpolation may cost as a share of what it is granted, and how many times as many lines are looked at, at first
-# and where a check fails; edges between the lines are not seen, and kinked models have them
-EFFORTS = {False: ((0.5, 1), (0.25, 6)), True: ((0.25, 6), (0.12, 9))}
 
 
 def budget(material: Material) -> tuple[float, float]:
@@ -56,10 +51,6 @@ def _whole(material: Material, setup: Setup) -> Grid:
     return whole
 
 
-def _saved(before: int, after: int) -> float:
-    return 1.0 - after / max(before, 1)
-
-
 def plan_material(material: Material) -> Planned:
     """Plan one material.
 
@@ -80,7 +71,7 @@ def plan_material(material: Material) -> Planned:
     tolerance, floor = budget(material)
     items = []
     if near.size < whole.size:
-        saved = _saved(whole.size, near.size)
+        saved = share_saved(whole.size, near.size)
         items.append(Item("directions", _told(whole, near), "exact", time=saved, size=saved))
     rules = SHARES["rules"] * tolerance if not noisy else NOISE * tolerance
     small, more, summed = reduced(setup, material, probes(near, floor, PAIRS, 1), tolerance)
@@ -89,7 +80,7 @@ def plan_material(material: Material) -> Planned:
     grid, symmetric = near, False
     fourth = None if noisy else quarter(computed, near, rules)
     if fourth is not None:
-        saved = _saved(near.size, fourth.size)
+        saved = share_saved(near.size, fourth.size)
         told = f"{fourth.shape[1]} of {near.shape[1]} azimuths of the light: the surface is symmetric about both axes"
         items.append(Item("symmetry", told, "exact", time=saved, size=saved))
         grid, symmetric = fourth, True
@@ -115,7 +106,7 @@ def plan_material(material: Material) -> Planned:
         tolerance=tolerance,
         rules=rules,
         dtype=material.dtype,
-        items=(*items, Item("rules", _rules(rules, noisy), "measured", *_both(5.0 * rules if noisy else rules))),
+        items=(*items, Item("rules", _rules(rules, noisy), "measured", *both(5.0 * rules if noisy else rules))),
     )
     planned = Planned(material, plan)
     if not noisy:
@@ -129,51 +120,6 @@ def _rules(rules: float, noisy: bool) -> str:
     if noisy:
         return f"as many paths as a standard error of {rules:.1e} takes; stated are five of them"
     return f"quadratures, nodes and modes for an error of {rules:.1e}"
-
-
-def _both(cell: float) -> tuple[float, float]:
-    """Return the error of a cell with the error of the albedo that it allows."""
-    return cell, 1.1 * cell
-
-
-def with_margin(items: tuple[Item, ...], tolerance: float) -> tuple[Item, ...]:
-    """Return items of which the last that is measured takes up what the others leave of the tolerance."""
-    last = max(n for n, item in enumerate(items) if item.name in ("rules", "resolution"))
-    rest = tolerance - sum(item.cell for n, item in enumerate(items) if n != last)
-    if rest <= items[last].cell:
-        return items
-    cell, albedo = _both(rest)
-    return (*items[:last], replace(items[last], cell=cell, albedo=albedo), *items[last + 1 :])
-
-
-def resolved(planned: Planned, setup: Setup, effort: int = 0) -> Planned:
-    """Choose the positions of a plan's table; with more effort by more lines, each to a smaller error."""
-    plan, clock = planned.plan, Clock()
-    assert plan.full is not None
-    assert plan.grid is not None
-    engine = planned.engine or engine_of(setup, plan)
-    build = clock.seconds
-    share, times = EFFORTS[setup.model.kinked and setup.values.get("masking") != "smith"][effort]
-    items = tuple(item for item in plan.items if item.name != "resolution")
-    grid, apart, rate = plan.grid, 0, (0.0, 0.0)
-    if not plan.full.below:
-        before, allowed = plan.folded, SHARES["resolution"] * plan.tolerance
-        asked = (share * allowed, plan.floor, plan.dtype, times)
-        if before.isotropic:
-            found = keep(engine, before, *asked)
-        else:
-            found = keep_azimuths(engine, before, plan.symmetric, *asked)
-        grid, rate = found.grid, (found.rate, found.step)
-        if grid.size < before.size:
-            apart, saved = found.apart, _saved(before.size, grid.size)
-            told = f"{'x'.join(map(str, grid.shape))} positions, with cubics in log f between them"
-            items = (*items, Item("resolution", told, "measured", *_both(allowed), time=saved, size=saved))
-    if rate == (0.0, 0.0):
-        rate = (pace(engine, plan.folded, plan.dtype), 0.0)
-    items = with_margin(items, plan.tolerance)
-    predicted = seconds(engine, replace(plan, grid=grid, items=items), build, rate)
-    new = replace(plan, grid=grid, apart=apart, items=items, predicted=plan.predicted | predicted)
-    return Planned(planned.material, new, engine, planned.seconds)
 
 
 def _told(whole: Grid, near: Grid) -> str:

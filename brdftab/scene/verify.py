@@ -10,8 +10,10 @@ import numpy as np
 from brdftab.evaluation.points import is_stochastic
 from brdftab.models.resolve import resolve
 from brdftab.scene import albedo
+from brdftab.scene.execute import carry_out
 from brdftab.scene.interpolation import expanded
 from brdftab.scene.plan import Plan, added_up
+from brdftab.scene.planner import plan_material
 from brdftab.scene.scene import Material
 from brdftab.tables.grid import Grid
 from brdftab.tables.table import Table
@@ -111,9 +113,6 @@ def _cells(plan: Plan, table: Table) -> dict[str, Any]:
 
 def _timed(plan: Plan, table: Table | AlbedoTable, material: Material) -> dict[str, float]:
     """Return run times with and without the plan, planning and checks included, kernels compiled."""
-    from brdftab.scene.execute import carry_out
-    from brdftab.scene.planner import plan_material
-
     clock = Clock()
     carry_out(plan_material(material))
     planned = clock.seconds

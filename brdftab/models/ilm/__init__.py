@@ -106,6 +106,7 @@ SPEC = Model(
     roughness="sigma",
     singular=True,
     kinked=True,
+    unkinked={"masking": "smith"},
     citation=(
         "Meneveaux, Bringier, Tauzia, Ribardiere, Simonot: Rendering Rough Opaque Materials with Interfaced Lambertian "
         "Microfacets, IEEE TVCG 24(3), 2018"
