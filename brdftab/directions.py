@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from brdftab.errors import ParameterError
 from brdftab.typing import Array
 
 TWO_PI = 2.0 * np.pi
@@ -17,6 +18,40 @@ TWO_PI = 2.0 * np.pi
 HORIZON = 1e-15
 # half vectors of no larger sine are the normal: the mirror direction, where bounces may be infinite
 MIRROR_SINE = 1e-14
+
+
+def checked_angles(**angles: ArrayLike) -> tuple[tuple[int, ...], list[Array]]:
+    """Check angles and return their common shape and flat float64 arrays.
+
+    Parameters
+    ----------
+    **angles : array_like
+        Radians by name, as theta_i, theta_o, phi; those that begin with theta lie in [0, pi]. They broadcast.
+
+    Returns
+    -------
+    shape : tuple of int
+    flat : list of ndarray of float64, shape (N,)
+
+    Raises
+    ------
+    ParameterError
+        If an angle is not finite or out of range, or the angles do not broadcast.
+    """
+    try:
+        given = np.broadcast_arrays(*(np.asarray(x, dtype=np.float64) for x in angles.values()))
+    except (TypeError, ValueError) as error:
+        raise ParameterError(f"{', '.join(angles)} do not broadcast as numbers: {error}") from None
+    for name, angle in zip(angles, given, strict=True):
+        bad, polar = ~np.isfinite(angle), name.startswith("theta")
+        if polar:
+            bad |= (angle < 0.0) | (angle > np.pi)
+        if bad.any():
+            shown = f"{np.degrees(angle[bad].flat[0]):g} degrees"
+            valid = "[0, 180] degrees" if polar else "the finite numbers"
+            raise ParameterError.out_of_range(name, shown, valid, "directions point away from the surface")
+    # copies, for views of broadcast arrays are of another type to kernels
+    return given[0].shape, [angle.flatten() for angle in given]
 
 
 def to_vector(theta: ArrayLike, phi: ArrayLike) -> Array:

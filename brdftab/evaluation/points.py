@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from brdftab import models
-from brdftab.directions import HORIZON, MIRROR_SINE
+from brdftab.directions import HORIZON, MIRROR_SINE, checked_angles
 from brdftab.errors import ParameterError, SingularDirectionError
 from brdftab.evaluation import delta
 from brdftab.evaluation.agreement import LOOSEST, least_errors, looser
@@ -44,23 +44,6 @@ def finest_tolerance(setup: Setup) -> float:
     """Return the tolerance of the finest rule of a setup's model: tighter ones are served by the same rule."""
     module = models.kernel(setup.model.name)
     return module.finest(setup) if isinstance(module, HasFinestRule) else 0.0
-
-
-def _directions(theta_i: ArrayLike, theta_o: ArrayLike, phi: ArrayLike, phi_i: ArrayLike) -> list[Array]:
-    """Broadcast four angles, check them, and return them with their common shape."""
-    try:
-        angles = np.broadcast_arrays(*(np.asarray(x, dtype=np.float64) for x in (theta_i, theta_o, phi, phi_i)))
-    except (TypeError, ValueError) as error:
-        raise ParameterError(f"theta_i, theta_o, phi, phi_i do not broadcast as numbers: {error}") from None
-    for name, angle in zip(("theta_i", "theta_o", "phi", "phi_i"), angles, strict=True):
-        bad = ~np.isfinite(angle)
-        if name.startswith("theta"):
-            bad |= (angle < 0.0) | (angle > math.pi)
-        if bad.any():
-            shown = f"{math.degrees(angle[bad].flat[0]):g} degrees"
-            valid = "[0, 180] degrees" if name.startswith("theta") else "the finite numbers"
-            raise ParameterError.out_of_range(name, shown, valid, "directions point away from the surface")
-    return list(angles)
 
 
 def singular_setup(setup: Setup) -> Setup | None:
@@ -118,10 +101,7 @@ def evaluate_setup(
     tolerance: float,
 ) -> Array:
     """Evaluate a checked setup; returns (..., P, C), P = 1 for orders = 0. Raises as `evaluate`."""
-    angles = _directions(theta_i, theta_o, phi, phi_i)
-    shape = angles[0].shape
-    # copies, for views of broadcast arrays are of another type to kernels
-    flat = [a.flatten() for a in angles]
+    shape, flat = checked_angles(theta_i=theta_i, theta_o=theta_o, phi=phi, phi_i=phi_i)
     bad = singular(setup, *flat)
     if bad.any():
         at = int(np.argmax(bad))

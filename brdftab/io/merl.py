@@ -1,4 +1,4 @@
-"""MERL BRDF files: three planes of float64 over half and difference angles, read and written.
+"""MERL BRDF files: three planes of float64 over half and difference read and written.
 
 A file is three int32 (90, 90, 180) and then R, G, B, each with the index phi_d + 180 (theta_d + 90 theta_h). Stored
 numbers are f times 1500, 1500/1.15 and 1500/1.66. A negative number says "not measured". theta_h is spaced by square
@@ -21,12 +21,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from brdftab.directions import half_difference, in_out, wrap
+from brdftab.directions import checked_angles, half_difference, in_out, wrap
 from brdftab.errors import FileFormatError, ParameterError
 from brdftab.io.atomic import atomic, show
 from brdftab.tables.axis import HALF_PI
 from brdftab.tables.content import listed
-from brdftab.tables.measurement import Bracket, Cells, Mask, Measurement, TableMeasurement, angles, interpolate
+from brdftab.tables.measurement import Bracket, Cells, Mask, Measurement, TableMeasurement, interpolate
 from brdftab.tables.table import Table
 from brdftab.typing import Array
 
@@ -78,7 +78,7 @@ class MerlMeasurement(Measurement):
 
         Half a cell from the ends of theta_h and theta_d the value is that of the outer cell.
         """
-        shape, flat = angles(theta_i, theta_o, phi)
+        shape, flat = checked_angles(theta_i=theta_i, theta_o=theta_o, phi=phi)
         half, difference, azimuth = self._place(*flat)
         low = np.floor(azimuth - 0.5)
         turn = np.mod(low, self.azimuths).astype(np.int64)

@@ -22,14 +22,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from brdftab.directions import from_vector, to_vector
+from brdftab.directions import checked_angles, from_vector, to_vector
 from brdftab.errors import FileFormatError
 from brdftab.io.atomic import show
 from brdftab.io.rgl_warp import Warp, cell
 from brdftab.io.tensor_file import Field, read_array, read_fields
 from brdftab.tables.axis import HALF_PI
 from brdftab.tables.content import told
-from brdftab.tables.measurement import Bracket, Cells, Mask, Measurement, angles, bracket, interpolate
+from brdftab.tables.measurement import Bracket, Cells, Mask, Measurement, bracket, interpolate
 from brdftab.typing import Array
 
 CHANNELS = ("R", "G", "B")
@@ -104,7 +104,7 @@ class RglMeasurement(Measurement):
 
     def at(self, theta_i: ArrayLike, theta_o: ArrayLike, phi: ArrayLike) -> tuple[Array, Mask]:
         """Evaluate the file as its format defines it between samples; see `Measurement.at`."""
-        shape, (ti, to, az) = angles(theta_i, theta_o, phi)
+        shape, (ti, to, az) = checked_angles(theta_i=theta_i, theta_o=theta_o, phi=phi)
         above = (ti < HALF_PI) & (to < HALF_PI)
         axis = self.arrays.theta_i
         inside = above & (ti >= axis[0] - _SLACK) & (ti <= axis[-1] + _SLACK)

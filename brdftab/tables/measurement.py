@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from brdftab.directions import relative_azimuth
+from brdftab.directions import checked_angles, relative_azimuth
 from brdftab.errors import ParameterError
 from brdftab.tables.axis import HALF_PI
 from brdftab.tables.content import SeveralArrays, listed, told
@@ -177,7 +177,7 @@ class TableMeasurement(Measurement):
 
     def at(self, theta_i: ArrayLike, theta_o: ArrayLike, phi: ArrayLike) -> tuple[Array, Mask]:
         """Interpolate linearly along theta_i, theta_o and phi; see `Measurement.at`."""
-        shape, (ti, to, az) = angles(theta_i, theta_o, phi)
+        shape, (ti, to, az) = checked_angles(theta_i=theta_i, theta_o=theta_o, phi=phi)
         grid = self.table.grid
         assert grid.phi is not None
         inside = (ti < HALF_PI) & (to < HALF_PI)
@@ -212,39 +212,6 @@ def _without_delta(table: Table) -> Mask | None:
     mask = np.ones(table.values.shape, dtype=bool) if table.mask is None else table.mask.copy()
     mask[tuple(table.grid.mirror_cells().T)] = False
     return mask
-
-
-def angles(theta_i: ArrayLike, theta_o: ArrayLike, phi: ArrayLike) -> tuple[tuple[int, ...], list[Array]]:
-    """Check three angles and return their common shape and flat float64 arrays.
-
-    Parameters
-    ----------
-    theta_i, theta_o, phi : array_like
-        Radians; theta in [0, pi]. They broadcast.
-
-    Returns
-    -------
-    shape : tuple of int
-    flat : list of ndarray of float64, shape (N,)
-
-    Raises
-    ------
-    ParameterError
-        As `Measurement.at`.
-    """
-    try:
-        given = np.broadcast_arrays(*(np.asarray(x, dtype=np.float64) for x in (theta_i, theta_o, phi)))
-    except (TypeError, ValueError) as error:
-        raise ParameterError(f"theta_i, theta_o, phi do not broadcast as numbers: {error}") from None
-    for name, angle in zip(("theta_i", "theta_o", "phi"), given, strict=True):
-        bad = ~np.isfinite(angle)
-        if name != "phi":
-            bad |= (angle < 0.0) | (angle > math.pi)
-        if bad.any():
-            shown = f"{math.degrees(angle[bad].flat[0]):g} degrees"
-            valid = "the finite numbers" if name == "phi" else "[0, 180] degrees"
-            raise ParameterError.out_of_range(name, shown, valid, "directions point away from the surface")
-    return given[0].shape, [np.ascontiguousarray(angle).reshape(-1) for angle in given]
 
 
 def bracket(axis: Array, x: Array) -> Bracket:
