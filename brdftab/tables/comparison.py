@@ -1,4 +1,7 @@
-"""Two tables held against each other, cell by cell."""
+"""Two tables held against each other, cell by cell.
+
+By hand, for numpy.testing tells neither which cell is worst nor what the table calls it.
+"""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 J = exp(-kappa) I_nu(kappa), u1 = -kappa J' and u2 = kappa^2 J'': the azimuth modes of exp(-kappa (1 - cos phi)) times
 1, kappa (1 - cos phi) and its square. All three are computed without the cancellation of I - I' (they differ in the
-digit 1/kappa), so that kappa may be 1e12 and more.
+digit 1/kappa), so that kappa may be 1e12 and more. By hand, for SciPy's ive cancels there and is no part of a kernel.
 
 Two ways, split at kappa = 25:
 - the uniform (Debye) expansion in 1/r, r = sqrt(nu^2 + kappa^2) (NIST DLMF 10.41.3 with 10.41.10), as a series of its
