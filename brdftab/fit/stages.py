@@ -313,8 +313,8 @@ def _candidates(costs: Array, ends: Array) -> list[int]:
 def covariance(outcome: Outcome, low: Array, high: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Return the sandwich and the classical covariance of the coordinates, and which of them lie on a bound.
 
-    The bread is J^T J, the meat sums the scores of whole directions. Coordinates on a bound have no spread. By hand, for
-    libraries of statistics want the whole Jacobian in memory, which the chunks of the normal equations never hold.
+    The bread is J^T J, the meat sums the scores of whole directions. Coordinates on a bound have no spread. By
+    hand, for libraries of statistics want the whole Jacobian in memory, which the normal equations never hold.
     """
     x, sums = outcome.x, outcome.sums
     at_bound = (x <= low) | (x >= high)

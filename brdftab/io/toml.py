@@ -1,6 +1,6 @@
 """TOML files of the user's: what is unknown, missing or out of range is told in one line with file, table and key.
 
-By hand, for libraries of validation tell neither the remedy nor the nearest key, and models have parameters of their own.
+By hand, for libraries of validation tell neither the remedy nor the nearest key, and models have keys of their own.
 """
 
 from __future__ import annotations
