@@ -120,10 +120,14 @@ def _code(code: types.CodeType, scope: dict[str, Any], seen: set[int]) -> Iterat
         if name in scope:
             yield name
             yield from _tokens(scope[name], seen)
+        # modules that are attributes of modules join the list as they are met
         for module in modules:
             if not _foreign(module.__name__) and hasattr(module, name):
+                found = getattr(module, name)
+                if isinstance(found, types.ModuleType) and found not in modules:
+                    modules.append(found)
                 yield f"{module.__name__}.{name}"
-                yield from _tokens(getattr(module, name), seen)
+                yield from _tokens(found, seen)
 
 
 class _Impl(CompileResultCacheImpl):

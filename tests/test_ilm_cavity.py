@@ -113,7 +113,7 @@ def test_white_surface_gives_back_all_light(rough):
     theta, phi = np.radians([10.0, 65.0]), math.pi * (np.arange(64) + 0.5) / 64
     engine = brdftab.models.kernel("ilm").prepare(resolve("ilm", kd=1.0, sigma=rough, bounces="inf"), 1e-3)
     values = np.empty((2, 64, 64, 1))
-    engine.fill(theta, view, phi, False, values)
+    engine.fill(theta, view, phi, False, values[None])
     total = 2.0 * math.pi * values[..., 0].mean(axis=2) @ (w * np.cos(view) * np.sin(view))
     # measured 3e-4
     assert np.abs(total - 1.0).max() < 6e-4
