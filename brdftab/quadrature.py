@@ -1,4 +1,4 @@
-"""Gauss rules, each made once."""
+"""Gauss rules, each made once, and the polynomials of their nodes."""
 
 from __future__ import annotations
 
@@ -42,3 +42,14 @@ def unit_jacobi(count: int, exponent: float) -> Array:
     found, vectors = np.linalg.eigh(np.diag(middle) + np.diag(side, 1) + np.diag(side, -1))
     x = 0.5 * (1.0 + found)
     return np.stack([x, vectors[0] ** 2 / (exponent + 1.0) * x**-exponent])
+
+
+def lagrange(nodes: Array, points: Array) -> Array:
+    """Return the Lagrange polynomials of nodes (Q,) at points (...), shape (..., Q)."""
+    found = np.ones((*points.shape, nodes.size))
+    for k in range(nodes.size):
+        for j in range(nodes.size):
+            if j != k:
+                # factors of order one each, so that products neither overflow nor vanish
+                found[..., k] *= (points - nodes[j]) / (nodes[k] - nodes[j])
+    return found

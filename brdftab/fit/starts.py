@@ -9,21 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brdftab.errors import ParameterError
-from brdftab.fit.parameters import Sum, Variable, is_roughness
+from brdftab.fit.parameters import Sum, Variable
 from brdftab.models.declaration import Model
 from brdftab.typing import Array
 
-# ranges that real surfaces fill; the bounds of the fit stay those of the declaration
-PLAUSIBLE = {
-    "ior": (1.05, 2.5),
-    "f0": (0.02, 0.9),
-    "eta": (0.3, 4.0),
-    "k": (0.3, 6.0),
-    "kd": (0.3, 1.2),
-}
-ROUGH = (0.004, 1.0)
-# radians
-TILT = (0.05, 0.9)
+# ranges that real surfaces fill, by role; of an albedo as a share of what the data suggest, of a tilt in radians
+RANGES = {"roughness": (0.004, 1.0), "tilt": (0.05, 0.9), "albedo": (0.3, 1.2)}
 
 
 def guess_albedo(values: NDArray[np.float64], valid: NDArray[np.bool_]) -> Array:
@@ -36,14 +27,9 @@ def guess_albedo(values: NDArray[np.float64], valid: NDArray[np.bool_]) -> Array
 
 
 def _range(variable: Variable, model: Model) -> tuple[float, float]:
-    """Return the plausible range of a parameter inside its bounds; of a model's own parameter the bounds."""
-    low, high = variable.low, variable.high
-    if is_roughness(model, variable.param):
-        low, high = ROUGH
-    elif model.param(variable.param).role == "tilt":
-        low, high = TILT
-    elif model.param(variable.param).role in ("albedo", "optics"):
-        low, high = PLAUSIBLE[variable.param]
+    """Return the range in which a parameter starts, inside its bounds."""
+    param = model.param(variable.param)
+    low, high = param.start or RANGES.get(param.role, (variable.low, variable.high))
     low, high = max(low, variable.low), min(high, variable.high)
     return (low, high) if low < high else (variable.low, variable.high)
 

@@ -66,6 +66,7 @@ FRESNEL_PARAMS = (
         extremes=(1e-6, 0.2, 1.0, 1e3),
         scale="log",
         canonical=("a",),
+        start=(0.3, 4.0),
     ),
     Param(
         "k",
@@ -77,6 +78,7 @@ FRESNEL_PARAMS = (
         role="optics",
         extremes=(0.0, 1e-8, 3.0, 1e3),
         canonical=("b",),
+        start=(0.3, 6.0),
     ),
     Param(
         "ior",
@@ -90,6 +92,7 @@ FRESNEL_PARAMS = (
         neutral=1.0,
         canonical=("a",),
         shared=True,
+        start=(1.05, 2.5),
     ),
     Param(
         "f0",
@@ -102,6 +105,7 @@ FRESNEL_PARAMS = (
         extremes=(0.0, 1e-12, 0.04, 0.9, 1.0),
         neutral=0.0,
         canonical=("a",),
+        start=(0.02, 0.9),
     ),
     Param(
         "wavelengths",
@@ -164,6 +168,7 @@ BOUNDARY_PARAMS = tuple(
         neutral=1.0,
         canonical=("a",),
         shared=True,
+        start=(1.05, 2.5),
     )
     if p.name == "ior"
     else p

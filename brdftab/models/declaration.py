@@ -42,6 +42,8 @@ class Param:
         True where a fit finds one value for all channels of a ``channels``.
     canonical : tuple of str
         What it is called among the numbers of a twin; by default as here.
+    start : tuple of float or None
+        Range that real surfaces fill, in which fits start; by default that of the role, or the bounds.
     extremes : tuple of float
         Values within the bounds at which the checks look beside the bounds: nothing, almost nothing, far too much.
     neutral : float or None
@@ -60,6 +62,7 @@ class Param:
     scale: str = "linear"
     shared: bool = False
     canonical: tuple[str, ...] = ()
+    start: tuple[float, float] | None = None
     extremes: tuple[float, ...] = ()
     neutral: float | None = None
 

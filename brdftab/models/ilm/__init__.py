@@ -31,6 +31,7 @@ SPEC = Model(
             neutral=1.0,
             canonical=("a",),
             shared=True,
+            start=(1.05, 2.5),
         ),
         Param(
             "f0",
@@ -43,6 +44,7 @@ SPEC = Model(
             extremes=(0.0, 1e-12, 0.04, 0.9, 1.0),
             neutral=0.0,
             canonical=("a",),
+            start=(0.02, 0.9),
         ),
         Param(
             "ndf",

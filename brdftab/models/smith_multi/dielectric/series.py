@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from brdftab.models.smith_multi.dielectric.solve import System, multiple
+from brdftab.quadrature import lagrange
 from brdftab.typing import Array, Index
 
 # no table angle needs modes beyond this to three digits; cosines made at a time
@@ -56,18 +57,8 @@ class Part:
             if exact:
                 total[m - self.start] = waves
             else:
-                total += _lagrange(self.orders, m.astype(np.float64)) @ waves
+                total += lagrange(self.orders, m.astype(np.float64)).T @ waves
         return total
-
-
-def _lagrange(nodes: Array, x: Array) -> Array:
-    """Return (K, X): the Lagrange polynomials of K nodes at X places."""
-    basis = np.ones((nodes.size, x.size))
-    for k in range(nodes.size):
-        others = np.delete(nodes, k)
-        # factors of order one each, so that products neither overflow nor vanish
-        basis[k] = np.prod((x - others[:, None]) / (nodes[k] - others)[:, None], axis=0)
-    return basis
 
 
 def chebyshev(low: float, high: float, count: int) -> Array:

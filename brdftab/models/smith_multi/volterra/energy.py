@@ -12,10 +12,10 @@ import numpy as np
 
 from brdftab.directions import HORIZON
 from brdftab.models.resolve import Setup
-from brdftab.models.smith_multi.volterra.panels import cardinal, rule, smoothness
+from brdftab.models.smith_multi.volterra.panels import rule, smoothness
 from brdftab.models.smith_multi.volterra.settings import settings
 from brdftab.models.smith_multi.volterra.sources import LOWEST, distribution, fitted_fresnel
-from brdftab.quadrature import gauss
+from brdftab.quadrature import gauss, lagrange
 
 ZERO = np.zeros(1)
 # terms of the Neumann series end here
@@ -77,7 +77,7 @@ def albedo(setup: Setup, theta_i: np.ndarray, tolerance: float) -> np.ndarray:
         near = np.empty((waves, 1, points.size))
         ndf.pairs(np.full(points.size, b), points, ZERO, alpha, fitted, near)
         size = half * v * 2.0 * math.pi * weight(points) * np.cos(points)
-        found += np.einsum("wk,wk->w", near[:, 0] * size, total[:, low:high] @ cardinal(beta[low:high], points).T)
+        found += np.einsum("wk,wk->w", near[:, 0] * size, total[:, low:high] @ lagrange(beta[low:high], points).T)
         out[above[n]] = (found * weight(source[n : n + 1])) @ weights
     return out
 

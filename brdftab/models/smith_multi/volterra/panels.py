@@ -16,7 +16,7 @@ import numpy as np
 
 from brdftab.models._shared.codes import BECKMANN
 from brdftab.models.smith_multi.volterra.settings import MOST_NODES, Settings
-from brdftab.quadrature import gauss
+from brdftab.quadrature import gauss, lagrange
 
 Weight = Callable[[np.ndarray], np.ndarray]
 # error of a table in units of rho^(-2 nodes), measured, for one node, two and more
@@ -56,23 +56,13 @@ class Mesh:
     share: np.ndarray
 
 
-def cardinal(x: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Return the Lagrange polynomials of the nodes x (Q,) at points (...), shape (..., Q)."""
-    out = np.ones((*points.shape, x.size))
-    for k in range(x.size):
-        for j in range(x.size):
-            if j != k:
-                out[..., k] *= (points - x[j]) / (x[k] - x[j])
-    return out
-
-
 @lru_cache
 def _inner_rule(count: int) -> tuple[np.ndarray, np.ndarray]:
     """Return auxiliary points on (x_i, 1), (Q, A), and weight times cardinal polynomials there, (Q, A, Q)."""
     x, _ = gauss(count)
     y, v = gauss(count + 2)
     points = x[:, None] + 0.5 * (1.0 - x[:, None]) * (1.0 + y)
-    return points, cardinal(x, points) * (0.5 * (1.0 - x[:, None]) * v)[:, :, None]
+    return points, lagrange(x, points) * (0.5 * (1.0 - x[:, None]) * v)[:, :, None]
 
 
 def _nodes(ratio: float, setting: Settings) -> int:
