@@ -11,6 +11,9 @@ from pathlib import Path
 
 import pytest
 
+import brdftab
+from brdftab.errors import ParameterError
+
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "adding-a-model.md"
 
 
@@ -154,3 +157,24 @@ def test_what_cannot_be_imported_is_told_in_one_line(site, tmp_path):
     (tmp_path / "brdftab_broken" / "__init__.py").write_text("import nothing_of_this_name")
     done = run(tmp_path, "eval", "--model", "lambert", *at, status=2)
     assert "model = broken: its package brdftab_broken cannot be imported" in done.stderr
+
+
+def test_a_package_without_a_declaration_is_told_in_one_line(tmp_path):
+    info, package = tmp_path / "empty-1.0.dist-info", tmp_path / "brdftab_empty"
+    info.mkdir()
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: empty\nVersion: 1.0\n")
+    # who writes an object behind a colon, as for scripts, means the package
+    (info / "entry_points.txt").write_text("[brdftab.models]\nempty = brdftab_empty:SPEC\n")
+    done = run(tmp_path, "models", status=2)
+    assert done.stderr == "Error: model = empty: its package brdftab_empty has no SPEC, a Model; declare one there\n"
+    (package / "__init__.py").write_text("from brdftab.models.lambert import SPEC")
+    done = run(tmp_path, "models", status=2)
+    assert "its package brdftab_empty declares lambert; give both one name" in done.stderr
+
+
+@pytest.mark.parametrize("name", [3, None, ["smith"]])
+def test_what_is_no_name_is_not_known(name):
+    with pytest.raises(ParameterError, match="is not known"):
+        brdftab.sample(name, 0.1, 3)

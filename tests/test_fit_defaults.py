@@ -378,7 +378,9 @@ def test_several_models_in_one_call(tmp_path):
         brdftab.rank_models(coat, ["smith", "lambert"], sigma=0.3)
     with pytest.raises(ParameterError, match="rank_models"):
         brdftab.fit_model(coat, "smith,lambert")
-    for wrong in ("smith", []):
+    with pytest.raises(ParameterError, match="model = 3 is no name"):
+        brdftab.fit_model(coat, 3)
+    for wrong in ("smith", [], ["lambert", 3]):
         with pytest.raises(ParameterError, match="is no list of names"):
             brdftab.rank_models(coat, wrong)
     data, out = tmp_path / "a.npz", tmp_path / "b.npz"

@@ -6,11 +6,13 @@ python -m benchmarks.papers [--quick] [--out docs/results/papers.md --overwrite]
 from __future__ import annotations
 
 import json
+import sys
 
 import click
 
 from benchmarks.papers import page, suite
 from brdftab.commands.progress import progress_bar
+from brdftab.errors import BrdftabError
 from brdftab.io.atomic import atomic, check_target
 
 
@@ -40,4 +42,7 @@ def main(
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except BrdftabError as error:
+        sys.exit(f"Error: {error}")

@@ -102,6 +102,8 @@ def fit_model(
     """
     options = _options(loss, robust, noise_floor, solver, starts, start, max_steps, seed)
     given = {**fixed_parameters, **(fixed or {})}
+    if not isinstance(model, str):
+        raise ParameterError(f"model = {model!r} is no name; give one, or a sum as smith+lambert")
     if "," in model:
         raise ParameterError(f"model = {model} names several; rank_models(data, [...]) fits and ranks them")
     where = {
@@ -161,7 +163,7 @@ def rank_models(
         If no value is valid, or none of one channel.
     """
     options = _options(loss, robust, noise_floor, solver, starts, start, max_steps, seed)
-    if isinstance(models, str) or not models:
+    if isinstance(models, str) or not models or not all(isinstance(name, str) for name in models):
         raise ParameterError(f"models = {models!r} is no list of names; give one, as ['smith', 'smith+lambert']")
     named = shares(",".join(models), {**fixed_parameters, **(fixed or {})})
     where = {

@@ -42,10 +42,11 @@ def _installed() -> dict[str, str]:
     for point in sorted(importlib.metadata.entry_points(group=GROUP), key=lambda point: point.name):
         if point.name in own:
             warnings.warn(f"{point.value} names a model {point.name}, which brdftab has itself; left out", stacklevel=2)
-        elif importlib.util.find_spec(point.value.partition(".")[0]) is None:
+        elif importlib.util.find_spec(point.module.partition(".")[0]) is None:
             warnings.warn(f"{point.value}, the package of model {point.name}, is not there; left out", stacklevel=2)
         else:
-            found[point.name] = point.value
+            # an object behind a colon is not asked for
+            found[point.name] = point.module
     return found
 
 
@@ -68,7 +69,8 @@ def package(name: str) -> str:
         If there is no such model.
     """
     packages = _packages()
-    if name not in packages:
+    # what cannot be a name, as a list, has no hash either
+    if not isinstance(name, str) or name not in packages:
         raise ParameterError.not_known("model", name, packages)
     return packages[name]
 
@@ -93,7 +95,9 @@ def spec(name: str) -> Model:
     ParameterError
         If there is no such model.
     """
-    found = cast(Model, _module(name, "").SPEC)
+    found = vars(_module(name, "")).get("SPEC")
+    if not isinstance(found, Model):
+        raise ParameterError(f"model = {name}: its package {package(name)} has no SPEC, a Model; declare one there")
     if found.name != name:
         raise ParameterError(f"model = {name}: its package {package(name)} declares {found.name}; give both one name")
     return found
